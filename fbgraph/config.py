@@ -1,0 +1,182 @@
+"""Configuration: typed, immutable, unknown keys refused at any depth.
+
+Precedence: built-in defaults < ``--config`` (a preset's name or a TOML file) < ``--set a.b=value`` < flags. The
+effective configuration is written into every run as ``config.toml``. Presets in ``configs/`` hold only what differs.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from fbgraph.errors import ConfigError
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+class Section(BaseModel):
+    """A table of the configuration: frozen, and a mistyped key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+
+class DeviceConfig(Section):
+    """How the device is carried."""
+
+    mount: tuple[float, float, float] = (0.0, 0.70710678, -0.70710678)
+    """Body direction whose horizontal projection points where the person walks (top edge and back of the device)."""
+    declination_deg: float = 0.0
+    """Magnetic declination, positive East; added to the compass so that y is true North."""
+
+
+class AttitudeConfig(Section):
+    """Levelling, compass and altitude."""
+
+    rate_hz: Positive = 100.0
+    """Common rate to which the inertial streams are brought."""
+    max_gap_s: Positive = 0.5
+    """A longer silence of accelerometer or gyroscope is a gap: nothing is integrated across it."""
+    level_tau_s: Positive = 3.0
+    """Time constant of the accelerometer correction in vqf."""
+    still_window_s: Positive = 1.5
+    """Length of the window over which stillness is judged."""
+    still_acc_m_s2: Positive = 0.35
+    """Largest standard deviation of |acc| while standing still."""
+    still_gyro_rad_s: Positive = 0.12
+    """Largest standard deviation of the angular rate while standing still (a hand trembles)."""
+    mag_window_s: Positive = 20.0
+    """Memory of the local field's usual norm and dip."""
+    altitude_tau_s: Positive = 1.0
+    """Time constant of the altitude low-pass."""
+
+
+class StepsConfig(Section):
+    """Step detection (paper, section Step Detection Algorithm)."""
+
+    smoothing_s: Positive = 0.15
+    """Moving average of |acc|, N samples of the paper."""
+    window_s: Positive = 4.0
+    """Sliding window of the mean and deviation in T_s = mean + lambda * sigma."""
+    lambda_sigma: NonNegative = 0.4
+    """λ of the paper."""
+    min_interval_s: Positive = 0.30
+    """Refractory interval T_min."""
+    max_interval_s: Positive = 1.2
+    """A longer interval between peaks is a pause, not a step."""
+    min_sigma_m_s2: Positive = 0.6
+    """Less deviation than this in the window is not walking, whatever the threshold."""
+
+
+class StepLengthConfig(Section):
+    """L = alpha + beta * f_step + gamma * slope (paper, section Parameter Selection)."""
+
+    constant_m: Positive = 0.70
+    """L0 of the baseline PDR."""
+    alpha_m: float = 0.35
+    beta_m_s: float = 0.20
+    """Metres per hertz of step frequency."""
+    gamma_m: float = -1.75
+    """Metres per unit slope; slope = |climb rate| / flat walking speed, so stairs shorten the step."""
+    min_climb_m_s: NonNegative = 0.12
+    """A slower change of altitude is taken for air pressure, not for slope."""
+
+
+class Config(Section):
+    """The whole configuration."""
+
+    device: DeviceConfig = DeviceConfig()
+    attitude: AttitudeConfig = AttitudeConfig()
+    steps: StepsConfig = StepsConfig()
+    step_length: StepLengthConfig = StepLengthConfig()
+
+
+def preset_folder() -> Traversable:
+    """Where the presets are: inside the package when installed, beside it in a checkout."""
+    inside = files("fbgraph") / "configs"
+    return inside if inside.is_dir() else Path(__file__).resolve().parent.parent / "configs"
+
+
+def preset_names() -> list[str]:
+    """Names that ``--config`` takes besides a path."""
+    return sorted(entry.name.removesuffix(".toml") for entry in preset_folder().iterdir() if entry.name.endswith(".toml"))
+
+
+def load_config(source: str | None = None, overrides: Iterable[str] = ()) -> Config:
+    """The effective configuration.
+
+    Args:
+        source: a preset's name or the path of a TOML file; None for the defaults.
+        overrides: ``a.b=value`` strings, values in TOML notation (a bare word is taken as a string).
+
+    Raises:
+        ConfigError: no such preset or file, not TOML, an unknown key or an invalid value, with its dotted path.
+    """
+    values: dict[str, Any] = _read_source(source) if source is not None else {}
+    for override in overrides:
+        path, equals, text = override.partition("=")
+        if not equals or not path.strip():
+            raise ConfigError(f"--set {override!r}: expected key=value, for example --set steps.lambda_sigma=0.5")
+        _put(values, path.strip(), _parse_value(text.strip()))
+    return parse_config(values, source or "--set")
+
+
+def parse_config(values: Mapping[str, Any], source: str) -> Config:
+    """Validate a nested mapping.
+
+    Raises:
+        ConfigError: naming ``source`` and the dotted path of what is wrong.
+    """
+    try:
+        return Config.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        path = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "extra_forbidden":
+            raise ConfigError(f"{source}: unknown key {path!r}; `fbgraph config` prints all keys") from error
+        raise ConfigError(f"{source}: {path}: {first['msg']} (got {first['input']!r})") from error
+
+
+def dump_toml(config: Config) -> str:
+    """The configuration as TOML, every key."""
+    return tomli_w.dumps(config.model_dump(mode="json"))
+
+
+def _read_source(source: str) -> dict[str, Any]:
+    try:
+        if source in preset_names():
+            text = (preset_folder() / f"{source}.toml").read_text("utf-8")
+        else:
+            text = Path(source).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"--config {source}: neither a preset ({', '.join(preset_names())}) nor a readable file"
+        ) from error
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"--config {source}: not TOML: {error}") from error
+
+
+def _put(values: dict[str, Any], path: str, value: Any) -> None:
+    *parents, last = path.split(".")
+    table = values
+    for parent in parents:
+        table = table.setdefault(parent, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"--set {path}: {parent!r} is a value, not a table")
+    table[last] = value
+
+
+def _parse_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
