@@ -26,7 +26,7 @@ class LevelledSignals:
         index: (N,) grid index; ``t_s = index / rate_hz``. Consecutive except across gaps.
         acc_norm_m_s2: (N,) magnitude of specific force.
         acc_n_m_s2: (N, 3) specific force in the levelled frame turned to face the walking direction: forward, left, up.
-        rate_norm_rad_s: (N,) magnitude of angular rate.
+        tilt_rate_rad_s: (N,) magnitude of the angular rate about horizontal axes: shaking, not turning.
         yaw_gyro_rad: (N,) walking direction by the gyroscope alone, unwrapped, arbitrary start; its bias still in it.
         yaw_mag_rad: (N,) walking direction by the compass, wrapped, nan where there is no magnetometer sample.
         mag_norm_ut: (N,) strength of the field, nan where unknown.
@@ -39,7 +39,7 @@ class LevelledSignals:
     t_s: FloatArray
     acc_norm_m_s2: FloatArray
     acc_n_m_s2: FloatArray
-    rate_norm_rad_s: FloatArray
+    tilt_rate_rad_s: FloatArray
     yaw_gyro_rad: FloatArray
     yaw_mag_rad: FloatArray
     mag_norm_ut: FloatArray
@@ -155,7 +155,7 @@ class Leveller:
         forward_n = rotate(quat, self._mount_b)
         yaw_vqf = np.arctan2(forward_n[:, 1], forward_n[:, 0])
         yaw_gyro = self._unwrap(yaw_vqf) + self._bias_angle(rotate(quat, bias_b)[:, 2])
-        acc_n = rotate(quat, acc_b)
+        acc_n, gyro_n = rotate(quat, acc_b), rotate(quat, gyro_b)
         cos, sin = np.cos(yaw_vqf), np.sin(yaw_vqf)
         acc_walk = np.column_stack(
             (cos * acc_n[:, 0] + sin * acc_n[:, 1], cos * acc_n[:, 1] - sin * acc_n[:, 0], acc_n[:, 2])
@@ -170,7 +170,7 @@ class Leveller:
             t_s=t_s,
             acc_norm_m_s2=acc_norm,
             acc_n_m_s2=acc_walk,
-            rate_norm_rad_s=np.sqrt((gyro_b**2).sum(axis=1)),
+            tilt_rate_rad_s=np.hypot(gyro_n[:, 0], gyro_n[:, 1]),
             yaw_gyro_rad=yaw_gyro,
             yaw_mag_rad=yaw_mag,
             mag_norm_ut=np.sqrt((mag_b**2).sum(axis=1)),

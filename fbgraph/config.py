@@ -65,28 +65,37 @@ class StepsConfig(Section):
     """Moving average of |acc|, N samples of the paper."""
     window_s: Positive = 4.0
     """Sliding window of the mean and deviation in T_s = mean + lambda * sigma."""
-    lambda_sigma: NonNegative = 0.4
+    lambda_sigma: NonNegative = 0.2
     """λ of the paper."""
-    min_interval_s: Positive = 0.30
+    min_interval_s: Positive = 0.33
     """Refractory interval T_min."""
     max_interval_s: Positive = 1.2
     """A longer interval between peaks is a pause, not a step."""
-    min_sigma_m_s2: Positive = 0.6
-    """Less deviation than this in the window is not walking, whatever the threshold."""
+    min_rise_m_s2: Positive = 0.8
+    """A maximum must stand this far above the valley before it."""
+    min_run: Annotated[int, Field(ge=2)] = 4
+    """Steps come in runs of at least this many."""
+    max_tilt_rate_rad_s: Positive = 2.0
+    """A device that tilts faster than this on average over a step is being shaken, not carried."""
+    spin_window_s: Positive = 3.0
+    max_spin_rad: Positive = 4.2
+    """Who turns further than this within spin_window_s turns on the spot."""
 
 
 class StepLengthConfig(Section):
     """L = alpha + beta * f_step + gamma * slope (paper, section Parameter Selection)."""
 
-    constant_m: Positive = 0.70
+    constant_m: Positive = 0.64
     """L0 of the baseline PDR."""
-    alpha_m: float = 0.35
-    beta_m_s: float = 0.20
+    alpha_m: float = 0.29
+    beta_m_s: float = 0.18
     """Metres per hertz of step frequency."""
     gamma_m: float = -1.75
     """Metres per unit slope; slope = |climb rate| / flat walking speed, so stairs shorten the step."""
-    min_climb_m_s: NonNegative = 0.12
+    min_climb_m_s: NonNegative = 0.2
     """A slower change of altitude is taken for air pressure, not for slope."""
+    shortest_m: Positive = 0.15
+    """No step is shorter, whatever the slope."""
 
 
 class Config(Section):
