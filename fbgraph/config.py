@@ -75,23 +75,31 @@ class StepsConfig(Section):
     """A maximum must stand this far above the valley before it."""
     min_run: Annotated[int, Field(ge=2)] = 4
     """Steps come in runs of at least this many."""
-    max_tilt_rate_rad_s: Positive = 2.0
+    max_tilt_rate_rad_s: Positive = 3.0
     """A device that tilts faster than this on average over a step is being shaken, not carried."""
+    max_wobble_rad: Positive = 1.3
+    """A device whose yaw goes back and forth by more than this within two seconds is being shaken, not carried."""
     spin_window_s: Positive = 3.0
     max_spin_rad: Positive = 4.2
     """Who turns further than this within spin_window_s turns on the spot."""
 
 
 class StepLengthConfig(Section):
-    """L = alpha + beta * f_step + gamma * slope (paper, section Parameter Selection)."""
+    """L = alpha + beta * f_step + gamma * slope (paper, section Parameter Selection) + kappa * bounce^(1/4).
+
+    The last term is ours, after Weinberg (Analog Devices AN-602): at the same cadence a longer step bounces more.
+    It is 0 for devices whose bounce is unknown. Defaults are fitted to hand-held phones.
+    """
 
     constant_m: Positive = 0.64
     """L0 of the baseline PDR."""
-    alpha_m: float = 0.29
-    beta_m_s: float = 0.18
-    """Metres per hertz of step frequency."""
+    alpha_m: float = 0.615
+    beta_m_s: float = -0.315
+    """Metres per hertz of step frequency. Negative beside a bounce: the same bounce at a higher cadence is less rise."""
     gamma_m: float = -1.75
     """Metres per unit slope; slope = |climb rate| / flat walking speed, so stairs shorten the step."""
+    kappa: float = 0.366
+    """Metres per fourth root of the peak-to-peak vertical acceleration in m/s²."""
     min_climb_m_s: NonNegative = 0.2
     """A slower change of altitude is taken for air pressure, not for slope."""
     shortest_m: Positive = 0.15

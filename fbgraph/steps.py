@@ -17,6 +17,7 @@ from fbgraph.geometry import FloatArray, wrap_angle
 from fbgraph.log import SensorLog
 
 _ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
+_WOBBLE_WINDOW_S, _WOBBLE_STEP_S = 2.0, 0.1
 _BUFFER_S = 12.0  # past signals that measuring a step may look at
 _REST_LIMIT_S = 60.0  # of a longer rest only the last minute is kept
 
@@ -29,8 +30,8 @@ class Step:
 
     Attributes:
         t_s, start_s: end and begin of the step.
-        length_m: adaptive length α + β f + γ s (paper, Parameter Selection).
-        frequency_hz, slope: what the length was computed from.
+        length_m: adaptive length α + β f + γ s (paper, Parameter Selection) + κ bounce^(1/4).
+        frequency_hz, slope, bounce_m_s2: what the length was computed from; bounce is peak-to-peak vertical acceleration.
         yaw_s: time to which the mean headings refer, the middle of the step.
         yaw_gyro_rad: mean walking direction over the step by the gyroscope, its bias still in it, unwrapped.
         yaw_mag_rad: mean walking direction over the step by the compass.
@@ -47,6 +48,7 @@ class Step:
     length_m: float
     frequency_hz: float
     slope: float
+    bounce_m_s2: float
     yaw_s: float
     yaw_gyro_rad: float
     yaw_mag_rad: float
@@ -68,6 +70,7 @@ class StepTrack:
     length_m: FloatArray
     frequency_hz: FloatArray
     slope: FloatArray
+    bounce_m_s2: FloatArray
     yaw_s: FloatArray
     yaw_gyro_rad: FloatArray
     yaw_mag_rad: FloatArray
@@ -129,6 +132,11 @@ def detect_steps(log: SensorLog, config: Config) -> tuple[StepTrack, LevelledSig
     return StepTrack.of(steps), LevelledSignals.concatenate([signals, last_signals])
 
 
+def flat_length_m(config: StepLengthConfig, frequency_hz: float, bounce_m_s2: float) -> float:
+    """Length of a step on the level: α + β f (paper) + κ bounce^(1/4) (Weinberg)."""
+    return config.alpha_m + config.beta_m_s * frequency_hz + config.kappa * bounce_m_s2**0.25
+
+
 @dataclass(frozen=True)
 class Peak:
     """A detected step before it is measured; ``first`` if it opens a run of steps."""
@@ -188,8 +196,7 @@ class StepDetector:
         since = max(at - reach, 0)
         if past.smooth[at] - past.smooth[since : at + 1].min() < config.min_rise_m_s2:
             return []
-        spun = abs(past.yaw[at] - past.yaw[max(at - int(config.spin_window_s * rate), 0)])
-        if past.tilt_rate[since : at + 1].mean() > config.max_tilt_rate_rad_s or spun > config.max_spin_rad:
+        if self._handled(at, since, past):
             self._pending, self._walking = [], False
             return []
         if not in_run:
@@ -207,6 +214,19 @@ class StepDetector:
         starts = [2 * self._pending[0] - self._pending[1], *self._pending]
         self._pending, run = self._pending[-2:], self._pending
         return [Peak(end, start, first=start == starts[0]) for start, end in zip(starts, run, strict=False)]
+
+
+    def _handled(self, at: int, since: int, past: _Past) -> bool:
+        """Whether the device is being shaken or spun rather than carried."""
+        config, rate = self._config, self._rate_hz
+        spun = abs(past.yaw[at] - past.yaw[max(at - int(config.spin_window_s * rate), 0)])
+        tenth = max(int(_WOBBLE_STEP_S * rate), 1)
+        yaw = past.yaw[max(at - int(_WOBBLE_WINDOW_S * rate), 0) : at + 1][::-tenth]
+        wobble = np.abs(np.diff(yaw)).sum() - abs(yaw[-1] - yaw[0])
+        tilt_rate = past.tilt_rate[since : at + 1].mean()
+        return bool(
+            spun > config.max_spin_rad or wobble > config.max_wobble_rad or tilt_rate > config.max_tilt_rate_rad_s
+        )
 
 
 class _Past:
@@ -277,8 +297,9 @@ class StepGauge:
         if len(offset):
             mean_offset = np.arctan2(np.sin(offset).mean(), np.cos(offset).mean())
             yaw_mag_rad = float(wrap_angle(np.asarray(yaw_gyro_rad + mean_offset)))
-        slope = self._slope(signals, hi, frequency_hz)
-        length = self._length.alpha_m + self._length.beta_m_s * frequency_hz + self._length.gamma_m * slope
+        bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
+        slope = self._slope(signals, hi, frequency_hz, bounce)
+        length = flat_length_m(self._length, frequency_hz, bounce) + self._length.gamma_m * slope
         rest_rate, rest_sigma, rest_s = self._rests.take(peak.index)
         # a hole in the index between this step and the one before is a gap in the log
         since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
@@ -291,6 +312,7 @@ class StepGauge:
             length_m=max(length, self._length.shortest_m),
             frequency_hz=frequency_hz,
             slope=slope,
+            bounce_m_s2=bounce,
             yaw_s=float(signals.t_s[lo:hi].mean()),
             yaw_gyro_rad=yaw_gyro_rad,
             yaw_mag_rad=yaw_mag_rad,
@@ -303,7 +325,7 @@ class StepGauge:
             rest_s=rest_s,
         )
 
-    def _slope(self, signals: LevelledSignals, end: int, frequency_hz: float) -> float:
+    def _slope(self, signals: LevelledSignals, end: int, frequency_hz: float, bounce_m_s2: float) -> float:
         """|climb rate| over flat walking speed; 0 within what air pressure does by itself."""
         start = max(end - int(_ALTITUDE_WINDOW_S * self._rate_hz), 0)
         altitude = signals.altitude_m[start:end]
@@ -313,7 +335,7 @@ class StepGauge:
         climb_m_s = abs(rise_m) / span_s if span_s > 0 else 0.0
         if not climb_m_s > self._length.min_climb_m_s:  # also when it is nan
             return 0.0
-        flat_speed = (self._length.alpha_m + self._length.beta_m_s * frequency_hz) * frequency_hz
+        flat_speed = max(flat_length_m(self._length, frequency_hz, bounce_m_s2), self._length.shortest_m) * frequency_hz
         return float(climb_m_s / flat_speed)
 
 
@@ -391,6 +413,7 @@ def _standing_start(first: Step) -> Step:
         length_m=0.0,
         frequency_hz=first.frequency_hz,
         slope=0.0,
+        bounce_m_s2=first.bounce_m_s2,
         yaw_s=first.yaw_s,
         yaw_gyro_rad=first.yaw_gyro_rad,
         yaw_mag_rad=nan,
