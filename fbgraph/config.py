@@ -106,6 +106,71 @@ class StepLengthConfig(Section):
     """No step is shorter, whatever the slope."""
 
 
+class EkfConfig(Section):
+    """The paper's heading filter, state [yaw, gyro bias]."""
+
+    sigma_yaw_step_rad: Positive = 0.03
+    """Process noise of yaw per step (body sway, gyroscope noise)."""
+    sigma_bias_walk_rad_s: Positive = 1e-4
+    """Process noise of the bias per root second."""
+    sigma_bias_rad_s: Positive = 0.02
+    """Initial standard deviation of the bias before any rest."""
+    sigma_mag_rad: Positive = 0.35
+    """Compass noise in an undisturbed field, one step."""
+    norm_scale_ut: Positive = 6.0
+    dip_scale_rad: Positive = 0.15
+    """Deviation of strength and dip from their recent usual that doubles the compass variance."""
+    gate_sigma: Positive = 2.0
+    """An innovation beyond this many deviations is down-weighted by its square."""
+    altitude_tau_s: Positive = 3.0
+    """Time constant of the altitude filter."""
+
+
+class GraphConfig(Section):
+    """Weights of the factors."""
+
+    sigma_length_rel: Positive = 0.08
+    """Step length, relative, one step to the next."""
+    sigma_lateral_m: Positive = 0.05
+    """Sideways error of a step."""
+    sigma_length_scale: NonNegative = 0.06
+    """Length error common to all steps of a walk: a wearer walks longer or shorter than the model's."""
+    sigma_mount_rad: NonNegative = 0.07
+    """Heading error common to the whole walk: how the device is held, and the compass itself."""
+    sigma_yaw_step_rad: Positive = 0.02
+    """Yaw change of a step by the gyroscope."""
+    sigma_bias_rad_s: Positive = 0.008
+    """Gyroscope bias before any rest."""
+    sigma_bias_walk_rad_s: Positive = 1e-4
+    """Bias random walk per root second."""
+    sigma_mag_rad: Positive = 0.26
+    """Compass against true heading, where iron is near."""
+    mag_correlation_m: Positive = 6.0
+    """Distance walked over which a compass error stays the same."""
+    mag_huber: Positive = 1.0
+    """Compass residuals beyond this many sigma_mag_rad count linearly (Huber)."""
+    norm_scale_ut: Positive = 20.0
+    dip_scale_rad: Positive = 0.5
+    """Deviation of strength and dip from their usual that doubles the compass variance."""
+    sigma_gap_m_s: Positive = 1.5
+    """Where the log is silent the wearer may have walked at this speed, in any direction."""
+    sigma_altitude_m: Positive = 0.35
+    """Barometric altitude of one step."""
+    sigma_climb_m: Positive = 0.12
+    """Change of altitude in one step."""
+    sigma_anchor_m: Positive = 0.5
+    """Anchors that give no sigma of their own."""
+    sigma_closure_m: Positive = 1.0
+    """How close to its start a closed walk ends."""
+
+
+class SolverConfig(Section):
+    """Levenberg-Marquardt."""
+
+    max_iterations: Annotated[int, Field(ge=1)] = 100
+    relative_error: Positive = 1e-7
+
+
 class Config(Section):
     """The whole configuration."""
 
@@ -113,6 +178,9 @@ class Config(Section):
     attitude: AttitudeConfig = AttitudeConfig()
     steps: StepsConfig = StepsConfig()
     step_length: StepLengthConfig = StepLengthConfig()
+    ekf: EkfConfig = EkfConfig()
+    graph: GraphConfig = GraphConfig()
+    solver: SolverConfig = SolverConfig()
 
 
 def preset_folder() -> Traversable:

@@ -1,7 +1,8 @@
 """Readers: one format a file, found by content or named by ``--format``.
 
-A reader is a module with ``NAME``, ``DESCRIPTION``, ``detects(head) -> bool`` and ``read(path) -> RawLog``. To add
-one, write the module and list it in ``FORMATS``; modules are imported only when asked for.
+A reader is a module with ``NAME``, ``DESCRIPTION`` (one line), ``EXAMPLE`` (a few lines of such a log),
+``detects(head) -> bool`` and ``read(path) -> RawLog``. To add one, write the module and list it in ``FORMATS``; modules
+are imported only when asked for.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ def detect(path: Path) -> str:
     with open_text(path) as stream:
         head = stream.read(_HEAD_CHARS)
     if not head.strip():
-        raise DataError(f"{path}: the file is empty")
-    if "\x00" in head:
-        raise DataError(f"{path}: a binary file, not a log")
+        raise DataError(f"{path}: the file is empty; record or copy it again")
     for name in FORMATS:
         if reader(name).detects(head):
             return name
+    if "\x00" in head:
+        raise DataError(f"{path}: a binary file, not a log; `fbgraph formats` lists what can be read")
     first = head.lstrip().splitlines()[0][:60]
     raise DataError(f"{path}: unknown format (it begins {first!r}); `fbgraph formats` lists what can be read")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import zlib
+from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,17 +15,24 @@ import numpy as np
 
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.errors import DataError
-from fbgraph.geometry import FloatArray, IntArray
+from fbgraph.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.log import Event, SensorLog, Stream
 
 MIN_DURATION_S = 1.0
-_STREAMS = {  # name: columns, largest believable magnitude (SI)
-    "acc": (3, 320.0),
-    "gyro": (3, 70.0),
-    "mag": (3, 5000.0),
-    "pressure": (1, 1200.0),
-}
+MIN_SAMPLES = 10
+MIN_RATE_HZ = 20.0  # slower than this, steps at 2 Hz are no longer well resolved
+LONG_GAP_S = 1.0
+STRAY_GAP_S, STRAY_SAMPLES = 2.0, 5  # fewer samples than this, further than this from all others: garbled times
+_FAR_NS = 1_000_000_000
+SPLIT_GAP_S = 3600.0  # nobody's walk has such a hole: the clock was set, or two logs were joined
+MAX_T_NS = 4 * 10**18  # the year 2096 in Unix time; differences of two such times still fit in an int64
+GRAVITY_M_S2 = (3.0, 30.0)  # where the median |acc| of a walk must lie, whatever the calibration
+
+_SENSORS = {"acc": "accelerometer", "gyro": "gyroscope", "mag": "magnetometer", "pressure": "barometer"}
+LIMITS = {"acc": 160.0, "gyro": 37.0, "mag": 5000.0, "pressure": 1200.0}
+"""Largest believable component, SI. ±16 g and ±2000 °/s are the widest ranges of phones and wearables."""
 MIN_PRESSURE_HPA = 300.0
+_SMALLEST_RAIL = {"acc": 18.5, "gyro": 4.2}  # just below ±2 g and ±250 °/s, the narrowest ranges
 
 
 @dataclass(frozen=True)
@@ -59,10 +67,10 @@ def open_text(path: Path) -> Iterator[IO[str]]:
     """Open a log, gzipped or not, as latin-1 text (which every byte decodes to).
 
     Raises:
-        DataError: the path is a directory, cannot be opened, or is a damaged or truncated .gz.
+        DataError: the path is missing, a directory, cannot be opened, or is a damaged or truncated .gz.
     """
     if path.is_dir():
-        raise DataError(f"{path}: is a directory, not a log file")
+        raise DataError(f"{path}: is a directory, not a log file; name one file in it")
     try:
         with open(path, "rb") as peek:
             gzipped = peek.read(2) == b"\x1f\x8b"
@@ -72,7 +80,7 @@ def open_text(path: Path) -> Iterator[IO[str]]:
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise DataError(f"{path}: the .gz is truncated or damaged ({error}); copy it again") from error
     except OSError as error:
-        raise DataError(f"{path}: {error.strerror or error}") from error
+        raise DataError(f"{path}: {error.strerror or error}; check the path") from error
 
 
 def log_name(path: Path) -> str:
@@ -81,43 +89,62 @@ def log_name(path: Path) -> str:
     return Path(name).stem or name
 
 
+def to_ns(t: FloatArray | IntArray, tick_ns: int) -> IntArray:
+    """Times in ticks of ``tick_ns`` as int64 nanoseconds (N,), exact for integers.
+
+    Floats that cannot hold a nanosecond (Unix seconds) are rounded to the microsecond, which gives back the decimals
+    that were written. Times that no clock can show become ``MAX_T_NS + 1``, which cleaning drops.
+    """
+    most = MAX_T_NS // tick_ns
+    possible = (t >= -most) & (t <= most)  # False for nan
+    t = np.where(possible, t, 0)
+    if t.dtype.kind == "i":
+        t_ns = t * tick_ns
+    else:
+        coarse = np.abs(t) * tick_ns > 2.0**52
+        t_ns = np.round(t * tick_ns).astype(np.int64)
+        t_ns = np.where(coarse, np.round(t * (tick_ns / 1000)).astype(np.int64) * 1000, t_ns)
+    return np.where(possible, t_ns, MAX_T_NS + 1).astype(np.int64)
+
+
 def assemble(raw: RawLog, path: Path, format_name: str) -> LogFile:
     """Clean every stream and put them on one clock that starts at the first inertial sample.
 
-    Rows that are not finite, beyond what the sensor can measure, or not later than the row before are dropped and
-    counted, never fatal unless nothing usable is left.
+    Rows that are not finite, beyond what the sensor can measure, out of order or far away in time from all others are
+    dropped and counted, never fatal unless nothing usable is left. Samples at a sensor's full scale are only counted.
 
     Raises:
-        DataError: no accelerometer or gyroscope, too few samples, a constant accelerometer, time going backwards.
+        DataError: no accelerometer or gyroscope, too few samples, a constant accelerometer or one without gravity,
+            time going backwards, sensors that were not on at the same time.
     """
     counts = dict(raw.counts)
     notices = list(raw.notices)
-    clean = {name: _clean(name, raw.streams[name], counts, path) for name in _STREAMS if name in raw.streams}
-    for name, sensor in (("acc", "accelerometer"), ("gyro", "gyroscope")):
-        if name not in clean or len(clean[name][0]) == 0:
-            raise DataError(f"{path}: no usable {sensor} samples; a walk cannot be reconstructed without them")
-    t0_ns = min(int(clean["acc"][0][0]), int(clean["gyro"][0][0]))
-    streams = {name: Stream((t_ns - t0_ns) * 1e-9, values) for name, (t_ns, values) in clean.items()}
-    acc = streams["acc"]
-    if len(acc) < 10 or acc.t_s[-1] - acc.t_s[0] < MIN_DURATION_S:
-        raise DataError(
-            f"{path}: only {len(acc)} accelerometer samples over {acc.t_s[-1] - acc.t_s[0]:.2f} s; "
-            "too short to hold a walk"
-        )
-    if np.ptp(acc.values, axis=0).max() == 0.0:
-        raise DataError(f"{path}: the accelerometer never changes; the sensor was stuck or not recording")
-    for name, sensor, cost in (
-        ("mag", "magnetometer", "heading rests on the gyroscope alone and its start is arbitrary"),
-        ("pressure", "barometer", "altitude stays at 0"),
-    ):
-        if name not in streams or len(streams[name]) == 0:
-            notices.append(f"no {sensor}: {cost}")
-            streams.pop(name, None)
+    clean = {name: _clean(name, raw.streams[name], counts, path) for name in _SENSORS if name in raw.streams}
+    for name in ("acc", "gyro"):
+        if name not in clean or len(clean[name].t_ns) == 0:
+            why = ", ".join(f"{number} {reason}" for reason, number in counts.items()) or "none in the file"
+            raise DataError(
+                f"{path}: no usable {_SENSORS[name]} samples ({why}); a walk cannot be reconstructed without them"
+            )
+    clean = _same_time(clean, counts, notices)
+    for name in ("acc", "gyro"):
+        t_ns = clean[name].t_ns
+        seconds = (int(t_ns[-1]) - int(t_ns[0])) * 1e-9 if len(t_ns) else 0.0
+        if len(t_ns) < MIN_SAMPLES or seconds < MIN_DURATION_S:
+            raise DataError(
+                f"{path}: only {len(t_ns)} {_SENSORS[name]} samples over {seconds:.2f} s while the accelerometer ran; "
+                "too short to hold a walk"
+            )
+    t0_ns = min(int(clean["acc"].t_ns[0]), int(clean["gyro"].t_ns[0]))
+    end_ns = max(int(clean["acc"].t_ns[-1]), int(clean["gyro"].t_ns[-1]))
+    streams = {name: Stream((stream.t_ns - t0_ns) / 1e9, stream.values) for name, stream in clean.items()}
+    _check(streams, counts, notices, path)
+    events = sorted((t_ns, label) for t_ns, label in raw.events if t0_ns <= t_ns <= end_ns)
     log = SensorLog(
         name=log_name(path),
         format=format_name,
-        t0_s=t0_ns * 1e-9,
-        events=tuple(Event((t_ns - t0_ns) * 1e-9, label) for t_ns, label in sorted(raw.events)),
+        t0_s=t0_ns / 1e9,
+        events=tuple(Event((t_ns - t0_ns) / 1e9, label) for t_ns, label in events),
         notices=tuple(notices),
         counts=counts,
         **streams,
@@ -125,32 +152,184 @@ def assemble(raw: RawLog, path: Path, format_name: str) -> LogFile:
     return LogFile(log, raw.truth)
 
 
-def _clean(name: str, raw: RawStream, counts: dict[str, int], path: Path) -> tuple[IntArray, FloatArray]:
-    """Drop what no sensor can have said; returns increasing times and finite values."""
-    width, largest = _STREAMS[name]
-    t_ns, values = raw.t_ns, raw.values.reshape(len(raw.t_ns), width)
+def _count(counts: dict[str, int], reason: str, number: int) -> None:
+    """Add to a count; reasons that never occur are not listed."""
+    if number:
+        counts[reason] = counts.get(reason, 0) + int(number)
 
-    def count(reason: str, number: int) -> None:
-        if number:
-            counts[f"{name}_{reason}"] = counts.get(f"{name}_{reason}", 0) + number
 
-    finite = np.isfinite(values).all(axis=1)
-    count("not_finite", int((~finite).sum()))
-    with np.errstate(invalid="ignore"):
-        believable = (np.abs(values) <= largest).all(axis=1)
-        if name == "pressure":
-            believable &= (values >= MIN_PRESSURE_HPA).all(axis=1)
-    count("out_of_range", int((finite & ~believable).sum()))
-    keep = finite & believable
+def _clean(name: str, raw: RawStream, counts: dict[str, int], path: Path) -> RawStream:
+    """Drop what no sensor can have said and what is out of order: increasing times, finite values."""
+    t_ns, values = raw.t_ns, raw.values.reshape(len(raw.t_ns), -1)
+    largest = np.abs(values).max(axis=1)  # nan if any is nan
+    finite = np.isfinite(largest)
+    believable = largest <= LIMITS[name]
+    if name == "pressure":
+        believable &= values[:, 0] >= MIN_PRESSURE_HPA
+    datable = (t_ns >= -MAX_T_NS) & (t_ns <= MAX_T_NS)
+    _count(counts, f"{name}_not_finite", (~finite).sum())
+    _count(counts, f"{name}_out_of_range", (finite & ~believable).sum())
+    _count(counts, f"{name}_impossible_time", (finite & believable & ~datable).sum())
+    keep = finite & believable & datable
     t_ns, values = t_ns[keep], values[keep]
+
+    same_t = np.flatnonzero(np.diff(t_ns) == 0)
+    again = same_t[(values[same_t] == values[same_t + 1]).all(axis=1)]
+    _count(counts, f"{name}_duplicate", len(again))
+    t_ns, values = np.delete(t_ns, again), np.delete(values, again, axis=0)
     if len(t_ns) == 0:
-        return t_ns, values
-    later = np.concatenate(([True], t_ns[1:] > np.maximum.accumulate(t_ns)[:-1]))
-    if name == "acc" and len(t_ns) > 2 and later.mean() < 0.5:
-        back = int(np.flatnonzero(~later)[0])
+        return RawStream(t_ns, values)
+
+    spread_ns = _spread(t_ns)
+    _count(counts, f"{name}_time_shared", (spread_ns != t_ns).sum())
+    later = _increasing(spread_ns)
+    if name in ("acc", "gyro") and later.mean() < 0.5:
+        back = int(np.flatnonzero(np.diff(spread_ns) <= 0)[0])
         raise DataError(
-            f"{path}: time goes backwards or stands still in most rows (first at accelerometer sample {back + 1}); "
+            f"{path}: time goes backwards or stands still in most rows (first at {_SENSORS[name]} sample {back + 2}); "
             "check the time column"
         )
-    count("not_later", int((~later).sum()))
-    return t_ns[later], values[later]
+    _count(counts, f"{name}_not_later", (~later).sum())
+    return RawStream(spread_ns[later], values[later])
+
+
+def _spread(t_ns: IntArray) -> IntArray:
+    """Spread samples that share a time evenly over the step before it.
+
+    Stamps given on arrival (TCP, BLE) or in whole seconds repeat, with different samples behind them; keeping one of
+    each would lose a fifth of such logs. Nothing is moved where that would mean more than 1 kHz.
+    """
+    if (np.diff(t_ns) != 0).all():
+        return t_ns
+    first = np.flatnonzero(np.concatenate(([True], np.diff(t_ns) != 0)))
+    sizes = np.diff(np.append(first, len(t_ns)))
+    gaps = np.diff(t_ns[first], prepend=t_ns[0])  # no gap before the first: it stays as it is
+    ahead = gaps[gaps > 0]
+    if len(ahead) == 0:
+        return t_ns
+    spacing = np.minimum(gaps // sizes, int(np.median(ahead)))
+    spacing[spacing < 1_000_000] = 0
+    to_last = np.repeat(first + sizes - 1, sizes) - np.arange(len(t_ns))
+    spread: IntArray = t_ns - to_last * np.repeat(spacing, sizes)
+    return spread
+
+
+def _increasing(t_ns: IntArray) -> BoolArray:
+    """Which samples to keep so that time increases and as few as possible are dropped.
+
+    Comparing with the latest time so far would let one time garbled into the future drop everything after it. So: a
+    longest increasing subsequence, searched only among the samples that are out of order with any other.
+    """
+    keep = np.ones(len(t_ns), dtype=bool)
+    last, this, following = t_ns[:-2], t_ns[1:-1], t_ns[2:]
+    astray = (this < last - _FAR_NS) | (this > following + _FAR_NS)
+    keep[1:-1] = ~(astray & (last < following))  # single garbled times, the usual case, would put all else in dispute
+    rest = np.flatnonzero(keep)
+    t = t_ns[rest]
+    agreed = np.ones(len(t), dtype=bool)
+    agreed[1:] &= t[1:] > np.maximum.accumulate(t)[:-1]
+    agreed[:-1] &= t[:-1] < np.minimum.accumulate(t[::-1])[::-1][1:]
+    disputed = rest[~agreed]
+    keep[disputed] = False
+    lowest_end: list[int] = []  # by length: the smallest time a subsequence of that length can end in, and where
+    end_at: list[int] = []
+    before: list[int] = []
+    for i, end in enumerate(t_ns[disputed].tolist()):
+        length = bisect_left(lowest_end, end)
+        before.append(end_at[length - 1] if length else -1)
+        lowest_end[length : length + 1] = [end]
+        end_at[length : length + 1] = [i]
+    i = end_at[-1] if end_at else -1
+    while i >= 0:
+        keep[disputed[i]] = True
+        i = before[i]
+    return keep
+
+
+def _same_time(clean: dict[str, RawStream], counts: dict[str, int], notices: list[str]) -> dict[str, RawStream]:
+    """Cut every stream to the time in which the accelerometer really ran.
+
+    A time garbled into the past or future at an end of the log, or a clock that was set during it (1970, then today),
+    is in order but far from everything else. Of such islands the one with most samples is the log.
+    """
+    t_ns = clean["acc"].t_ns
+    islands = np.split(t_ns, np.flatnonzero(np.diff(t_ns) > STRAY_GAP_S * 1e9) + 1)
+    groups: list[list[IntArray]] = []
+    for island in [i for i in islands if len(i) >= STRAY_SAMPLES] or islands:
+        if groups and island[0] - groups[-1][-1][-1] <= SPLIT_GAP_S * 1e9:
+            groups[-1].append(island)
+        else:
+            groups.append([island])
+    log = max(groups, key=lambda group: sum(map(len, group)))
+    if len(groups) > 1:
+        notices.append(f"time jumps by more than {SPLIT_GAP_S / 3600:.0f} h; kept the longest of {len(groups)} pieces")
+    cut = {}
+    for name, stream in clean.items():
+        margin_ns = 0 if name == "acc" else int(STRAY_GAP_S * 1e9)
+        within = (stream.t_ns >= log[0][0] - margin_ns) & (stream.t_ns <= log[-1][-1] + margin_ns)
+        _count(counts, f"{name}_stray_time", (~within).sum())
+        cut[name] = RawStream(stream.t_ns[within], stream.values[within])
+    return cut
+
+
+def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str], path: Path) -> None:
+    """Refuse signals that cannot be a walk, remove sensors that say nothing, and tell the user the rest."""
+    acc, gyro = streams["acc"], streams["gyro"]
+    if np.ptp(acc.values, axis=0).max() == 0.0:
+        raise DataError(f"{path}: the accelerometer never changes; the sensor was stuck or not recording")
+    gravity = float(np.median(np.linalg.norm(acc.values, axis=1)))
+    if not GRAVITY_M_S2[0] <= gravity <= GRAVITY_M_S2[1]:
+        raise DataError(
+            f"{path}: the accelerometer's median magnitude is {gravity:.2f} m/s² where gravity alone is 9.8; "
+            "its unit is wrong, or the log has gravity removed (record the raw accelerometer)"
+        )
+    if np.ptp(gyro.values, axis=0).max() == 0.0:
+        notices.append("the gyroscope never changes: it was stuck or switched off, turns are not seen")
+    if counts.get("acc_time_shared", 0) > 0.01 * len(acc):
+        notices.append(
+            f"{counts['acc_time_shared']} samples came with the time of another; spread over the step before"
+        )
+    for name in ("acc",) if np.array_equal(acc.t_s, gyro.t_s) else ("acc", "gyro"):
+        stream, sensor = streams[name], _SENSORS[name]
+        if stream.rate_hz < MIN_RATE_HZ:
+            notices.append(f"the {sensor} runs at {stream.rate_hz:.1f} Hz; steps need {MIN_RATE_HZ:.0f} Hz or more")
+        gaps_s = np.diff(stream.t_s)
+        if gaps_s.max() > LONG_GAP_S:
+            longest = int(gaps_s.argmax())
+            notices.append(
+                f"{(gaps_s > LONG_GAP_S).sum()} gaps of more than {LONG_GAP_S:.0f} s in the {sensor}, "
+                f"the longest {gaps_s[longest]:.1f} s at {stream.t_s[longest]:.1f} s"
+            )
+    for name, scale, unit in (("acc", 1.0, "m/s²"), ("gyro", 180.0 / np.pi, "°/s")):
+        stream, sensor = streams[name], _SENSORS[name]
+        rail, at_rail = _saturated(name, stream.values)
+        _count(counts, f"{name}_saturated", at_rail)
+        if at_rail:
+            notices.append(
+                f"{at_rail} samples at the {sensor}'s limit of {rail * scale:.4g} {unit}: too little is seen"
+            )
+    for name, cost in (
+        ("mag", "heading rests on the gyroscope alone and its start is arbitrary"),
+        ("pressure", "altitude stays at 0"),
+    ):
+        if name not in streams:
+            notices.append(f"no {_SENSORS[name]}: {cost}")
+        elif len(streams[name]) < MIN_SAMPLES or np.ptp(streams[name].values, axis=0).max() == 0.0:
+            notices.append(f"{_SENSORS[name]} not used, it has {len(streams[name])} samples or never changes: {cost}")
+            del streams[name]
+
+
+def _saturated(name: str, values: FloatArray) -> tuple[float, int]:
+    """The full scale a sensor ran into, and how many samples are there; (0, 0) if it never did.
+
+    A rail shows as the exact extreme of an axis, at or above the narrowest full scale, that occurs three times or more
+    and more often than anything in the 2 % below it.
+    """
+    rail, at_rail = 0.0, np.zeros(len(values), dtype=bool)
+    for axis in (*values.T, *-values.T):
+        extreme = float(axis.max())
+        there = axis == extreme
+        if extreme >= _SMALLEST_RAIL[name] and there.sum() >= max(3, (axis >= 0.98 * extreme).sum() / 2):
+            rail = max(rail, extreme)
+            at_rail |= there
+    return rail, int(at_rail.sum())

@@ -1,0 +1,38 @@
+"""Baseline dead reckoning, as the paper defines it (section Baseline PDR Method)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fbgraph.config import StepLengthConfig
+from fbgraph.steps import StepTrack
+from fbgraph.trajectory import Trajectory
+
+
+def dead_reckon(track: StepTrack, config: StepLengthConfig) -> Trajectory:
+    """Constant step length, direct heading propagation.
+
+    x_k = x_{k-1} + L0 cos θ_k, y_k = y_{k-1} + L0 sin θ_k. The heading is the gyroscope's, less the bias of the
+    calibration stage (the rest before the first step, if there was one), started at the first compass reading.
+    The baseline has no altitude: z stays 0.
+    """
+    yaw = track.yaw_gyro_rad - calibration_bias_rad_s(track) * (track.yaw_s - track.yaw_s[0])
+    yaw = yaw - yaw[0] + first_compass_yaw_rad(track)
+    length = np.where(track.length_m > 0, config.constant_m, 0.0)
+    zeros = np.zeros(len(track))
+    return Trajectory(track.t_s, np.cumsum(length * np.cos(yaw)), np.cumsum(length * np.sin(yaw)), zeros, yaw, zeros)
+
+
+def calibration_bias_rad_s(track: StepTrack) -> float:
+    """Mean yaw rate of the rest before the first step; 0 if the wearer never stood still there."""
+    rate = track.rest_rate_rad_s[1]
+    return float(rate) if np.isfinite(rate) else 0.0
+
+
+def first_compass_yaw_rad(track: StepTrack) -> float:
+    """Compass yaw of the first step that has one, carried back to the start; 0 (East) without a magnetometer."""
+    known = np.flatnonzero(np.isfinite(track.yaw_mag_rad))
+    if len(known) == 0:
+        return 0.0
+    k = known[0]
+    return float(track.yaw_mag_rad[k] - (track.yaw_gyro_rad[k] - track.yaw_gyro_rad[0]))

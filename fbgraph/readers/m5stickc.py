@@ -1,0 +1,145 @@
+"""CSV logs of M5StickC-class wearables: one row a sample, from a card, a serial line or TCP.
+
+Canonical header: ``t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa[,temp_c][,event]``; the other
+names, units and orders that sketches use are understood too, see ``columns``.
+
+A magnetometer or barometer slower than the rows may leave its fields empty, or repeat its last value. If most of its
+values are repeats only the changes are kept, and one sample a second, so that a sample stands for one measurement.
+Text in the ``event`` column marks that moment (``0`` does not, nor does the same text held over following rows).
+When the device restarts its clock the rows go on one step after the last one.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from fbgraph.errors import DataError
+from fbgraph.geometry import IntArray
+from fbgraph.readers.base import RawLog, RawStream, open_text
+from fbgraph.readers.columns import CANONICAL, Columns, Rows
+
+NAME = "m5stickc"
+DESCRIPTION = "M5StickC and other IMU loggers, CSV (t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa)"
+EXAMPLE = f"""\
+{CANONICAL}
+10250,0.012,-0.034,0.998,1.22,-0.61,0.31,21.4,-3.2,-40.1,1013.25,31.5,
+10260,0.015,-0.031,1.002,1.10,-0.55,0.37,,,,,,button
+"""
+_HEAD_LINES = 50
+_RESTART_NS = 1_000_000_000
+
+
+def detects(head: str) -> bool:
+    """Whether the beginning of a file is of this format."""
+    return find_columns(_data_lines(head)) is not None
+
+
+def find_columns(lines: list[str]) -> Columns | None:
+    """The columns named by the first header among the first lines, or else the canonical ones if the lines fit them."""
+    head = lines[:_HEAD_LINES]
+    for line in head:
+        if columns := Columns.from_header(line):
+            return columns
+    guesses = [guess for line in head if (guess := Columns.assumed(line))]
+    names, votes = Counter(guess.names for guess in guesses).most_common(1)[0] if guesses else ((), 0)
+    return Columns.from_header(",".join(names)) if votes > len(head) / 2 else None
+
+
+def read(path: Path) -> RawLog:
+    """Read one log.
+
+    Raises:
+        DataError: the file cannot be read, has no header and no canonical rows, or units nobody can guess.
+    """
+    with open_text(path) as stream:
+        lines = _data_lines(stream.read())
+    columns = find_columns(lines)
+    if columns is None:
+        raise DataError(f"{path}: no line names accelerometer columns; the header should be like {CANONICAL}")
+    header = ",".join(columns.names)
+    data = [line for line in lines if line != header]
+    rows = columns.parse(data)
+    try:
+        columns, assumed = columns.settled(rows)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
+    rows = columns.convert(rows)
+    raw = RawLog(notices=assumed, counts=dict(rows.counts))
+    if len(data) == len(lines):
+        raw.notices.insert(0, f"no header: columns taken as {header}")
+    elif len(lines) - len(data) > 1:
+        raw.counts["headers_repeated"] = len(lines) - len(data) - 1
+    t_ns, restarts = continue_restarts(rows.t.astype(np.int64))
+    if restarts:
+        raw.counts["clock_restarts"] = restarts
+        raw.notices.append(f"the device's clock restarted {restarts} times; later times go on from the last row")
+    for sensor, values in rows.values.items():
+        there = ~np.isnan(values).all(axis=1)
+        if not there.any():
+            continue
+        raw.streams[sensor] = RawStream(t_ns[there], values[there])
+        if sensor in ("mag", "pressure"):
+            raw.streams[sensor] = drop_repeats(raw.streams[sensor])
+            if repeats := int(there.sum()) - len(raw.streams[sensor].t_ns):
+                raw.counts[f"{sensor}_repeats"] = repeats
+    for row, label in _pressed(rows):  # the file was read as latin-1, its text is probably UTF-8
+        raw.events.append((int(t_ns[row]), label.encode("latin-1").decode("utf-8", "replace")))
+    return raw
+
+
+def _data_lines(text: str) -> list[str]:
+    """The lines that are neither blank nor comments. (Not splitlines, which also breaks at control characters.)"""
+    return [line for line in text.split("\n") if line and line[0] != "#"]
+
+
+def continue_restarts(t_ns: IntArray) -> tuple[IntArray, int]:
+    """Times that go on where a device started its clock again, and how often it did.
+
+    A restart is a jump back by more than a second after which time runs on from there; a single garbled time is not,
+    and a clock that runs backwards all the time is left as it is.
+
+    Args:
+        t_ns: (N,) in file order.
+    """
+    steps = np.diff(t_ns)
+    back = np.flatnonzero(steps < -_RESTART_NS) + 1
+    if len(back) == 0 or len(back) > max(10, len(t_ns) // 100):
+        return t_ns, 0
+    step_ns = int(np.median(steps[steps > 0])) if (steps > 0).any() else 0
+    t_ns, restarts = t_ns.copy(), 0
+    for i in back.tolist():
+        before, after = t_ns[max(0, i - 5) : i], t_ns[i : i + 5]  # medians of these: any one time may be garbled
+        middle = int(np.median(before))
+        runs_on = min(len(before), len(after)) >= 3 and np.mean(np.diff(after) >= 0) > 0.5
+        if runs_on and np.median(after) < middle - _RESTART_NS:
+            last = min(max(int(t_ns[i - 1]), middle), middle + _RESTART_NS)
+            t_ns[i:] += last + step_ns - t_ns[i]
+            restarts += 1
+    return t_ns, restarts
+
+
+def drop_repeats(stream: RawStream) -> RawStream:
+    """One sample per measurement of a sensor that was asked more often than it measures.
+
+    Where most samples repeat the one before, only changes are kept, and one sample a second so that a constant
+    pressure does not look like a dead sensor.
+    """
+    changed = np.ones(len(stream.t_ns), dtype=bool)
+    changed[1:] = (np.diff(stream.values, axis=0) != 0).any(axis=1)
+    if changed.mean() > 0.5:
+        return stream
+    changed[1:] |= np.diff(stream.t_ns // 1_000_000_000) != 0
+    return RawStream(stream.t_ns[changed], stream.values[changed])
+
+
+def _pressed(rows: Rows) -> list[tuple[int, str]]:
+    """Events where they begin: a button held down fills many rows."""
+    begun, last = [], (-2, "")
+    for row, text in rows.events:
+        if text != "0" and last != (row - 1, text):
+            begun.append((row, text))
+        last = (row, text)
+    return begun

@@ -1,0 +1,144 @@
+"""Full smoothing: the whole graph at once, by Levenberg-Marquardt from the EKF's trajectory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import B, X, Z
+
+from fbgraph.checkpoints import Checkpoints
+from fbgraph.config import GraphConfig, SolverConfig
+from fbgraph.errors import EstimationError
+from fbgraph.geometry import FloatArray
+from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factors, closed_walk_factor
+from fbgraph.steps import StepTrack
+from fbgraph.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A smoothed walk and how the solver got there.
+
+    Attributes:
+        trajectory: with covariance.
+        iterations: of Levenberg-Marquardt.
+        error_initial, error_final: the graph's error (half the weighted sum of squares, robust).
+        factors: number of factors in the graph.
+    """
+
+    trajectory: Trajectory
+    iterations: int
+    error_initial: float
+    error_final: float
+    factors: int
+
+
+def smooth(
+    track: StepTrack,
+    seed: Trajectory,
+    graph_config: GraphConfig,
+    solver_config: SolverConfig,
+    anchors: Checkpoints | None = None,
+    t0_s: float = 0.0,
+    closed_walk: bool = False,
+) -> Smoothed:
+    """Smooth a walk.
+
+    Args:
+        track: the steps.
+        seed: where to start, near the answer: the EKF's trajectory.
+        graph_config, solver_config: weights and limits.
+        anchors: known places; with them the result is in their frame, not at the origin.
+        t0_s: brings the track's times to the anchors' clock.
+        closed_walk: the walk is known to end where it began.
+
+    Raises:
+        EstimationError: the solver failed or its answer is not finite.
+    """
+    graph, values = build(track, seed, graph_config, anchors, t0_s, closed_walk)
+    params = gtsam.LevenbergMarquardtParams()
+    params.setMaxIterations(solver_config.max_iterations)
+    params.setRelativeErrorTol(solver_config.relative_error)
+    params.setAbsoluteErrorTol(1e-9)
+    try:
+        optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
+        error_initial = optimizer.error()
+        result = optimizer.optimize()
+        marginals = gtsam.Marginals(graph, result)
+    except RuntimeError as error:
+        raise EstimationError(f"the smoother failed: {str(error).strip().splitlines()[0]}") from error
+    error_final = optimizer.error()
+    if not np.isfinite(error_final):
+        raise EstimationError("the smoother diverged: its error is not finite")
+    anchored = anchors is not None and len(anchors) > 1
+    return Smoothed(
+        trajectory=_trajectory(track, result, marginals, graph_config, anchored),
+        iterations=optimizer.iterations(),
+        error_initial=error_initial,
+        error_final=error_final,
+        factors=graph.size(),
+    )
+
+
+def build(
+    track: StepTrack,
+    seed: Trajectory,
+    config: GraphConfig,
+    anchors: Checkpoints | None = None,
+    t0_s: float = 0.0,
+    closed_walk: bool = False,
+) -> tuple[Graph, Values]:
+    """The graph of a whole walk and the first values of its nodes; arguments as in ``smooth``."""
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    builder = GraphBuilder(config, free_origin=anchors is not None)
+    columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))
+    previous = None
+    for step, row in zip(track.steps, columns.tolist(), strict=True):
+        node = Node(*row)
+        builder.add(step, node, previous, graph, values)
+        previous = node
+    for factor in anchor_factors(anchors, t0_s, track.t_s, track.length_m, config) if anchors is not None else ():
+        graph.push_back(factor)
+    if closed_walk:
+        graph.push_back(closed_walk_factor(len(track) - 1, config))
+    return graph, values
+
+
+def _trajectory(track: StepTrack, result: Values, marginals: object, config: GraphConfig, anchored: bool) -> Trajectory:
+    count = len(track)
+    poses = gtsam.utilities.extractPose2(result)
+    z_m = np.array([result.atDouble(Z(k)) for k in range(count)])
+    bias = np.array([result.atDouble(B(k)) for k in range(count)])
+    covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])  # type: ignore[attr-defined]
+    sigma_z = np.array([marginals.marginalCovariance(Z(k))[0, 0] for k in range(count)]) ** 0.5  # type: ignore[attr-defined]
+    covariance = body_to_world(covariance, poses[:, 2])
+    if not anchored:
+        covariance += walk_covariance(poses, config)
+    return Trajectory(
+        track.t_s, poses[:, 0], poses[:, 1], z_m, np.unwrap(poses[:, 2]), bias, cov_xy_yaw=covariance, sigma_z_m=sigma_z
+    )
+
+
+def body_to_world(covariance: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+    """(N, 3, 3) covariances of Pose2 tangent vectors (body frame) as those of (x, y, yaw) in the world frame."""
+    rotation = np.zeros((len(yaw_rad), 3, 3))
+    rotation[:, 0, 0] = rotation[:, 1, 1] = np.cos(yaw_rad)
+    rotation[:, 1, 0] = np.sin(yaw_rad)
+    rotation[:, 0, 1] = -rotation[:, 1, 0]
+    rotation[:, 2, 2] = 1.0
+    return rotation @ covariance @ rotation.transpose(0, 2, 1)
+
+
+def walk_covariance(poses: FloatArray, config: GraphConfig) -> FloatArray:
+    """(N, 3, 3) covariance of the errors that all steps of a walk share: its scale and its mount.
+
+    They turn and stretch the walk about its start and nothing inside it can tell, a closed end included; they need no
+    node of their own: with r = p - p_0, the scale moves p by r and the mount turns it by r⊥.
+    """
+    rx, ry = poses[:, 0] - poses[0, 0], poses[:, 1] - poses[0, 1]
+    zeros, ones = np.zeros(len(poses)), np.ones(len(poses))
+    scale = np.column_stack((rx, ry, zeros)) * config.sigma_length_scale
+    mount = np.column_stack((-ry, rx, ones)) * config.sigma_mount_rad
+    return np.einsum("ni,nj->nij", scale, scale) + np.einsum("ni,nj->nij", mount, mount)
