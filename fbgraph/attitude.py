@@ -91,7 +91,7 @@ class Leveller:
         self._yaw_wrapped: float | None = None
         self._yaw_gyro = 0.0
         self._bias_yaw = 0.0
-        window = max(int(round(config.still_window_s * config.rate_hz)), 2)
+        window = max(round(config.still_window_s * config.rate_hz), 2)
         self._still_window = window
         self._still = WindowMoments(4, window)
 
@@ -117,7 +117,7 @@ class Leveller:
 
     def _advance(self, final: bool) -> LevelledSignals:
         index = self._certain_indices(final)
-        t_s = index * self._dt_s
+        t_s: FloatArray = np.asarray(index * self._dt_s, dtype=np.float64)
         acc_b, acc_ok = self._acc.means(t_s, self._dt_s)
         gyro_b, gyro_ok = self._gyro.means(t_s, self._dt_s)
         mag_b = _interpolate(self._mag, t_s, self._config.max_gap_s)
@@ -198,7 +198,7 @@ class Leveller:
         _, variance, count = self._still.push(signals)
         steady = np.sqrt(variance[:, 0]) < self._config.still_acc_m_s2
         steady &= np.sqrt(variance[:, 1:].sum(axis=1)) < self._config.still_gyro_rad_s
-        return steady & (count == self._still_window)
+        return np.asarray(steady & (count == self._still_window))
 
     def _push_pressure(self, pressure: Stream) -> None:
         """Running median of five samples, then altitude."""

@@ -95,7 +95,7 @@ class StepLengthConfig(Section):
     """L0 of the baseline PDR."""
     alpha_m: float = 0.615
     beta_m_s: float = -0.315
-    """Metres per hertz of step frequency. Negative beside a bounce: the same bounce at a higher cadence is less rise."""
+    """Metres per hertz of step frequency. Negative beside a bounce: the same bounce, only faster, is less rise."""
     gamma_m: float = -1.75
     """Metres per unit slope; slope = |climb rate| / flat walking speed, so stairs shorten the step."""
     kappa: float = 0.366
@@ -191,7 +191,9 @@ def preset_folder() -> Traversable:
 
 def preset_names() -> list[str]:
     """Names that ``--config`` takes besides a path."""
-    return sorted(entry.name.removesuffix(".toml") for entry in preset_folder().iterdir() if entry.name.endswith(".toml"))
+    return sorted(
+        entry.name.removesuffix(".toml") for entry in preset_folder().iterdir() if entry.name.endswith(".toml")
+    )
 
 
 def load_config(source: str | None = None, overrides: Iterable[str] = ()) -> Config:

@@ -52,6 +52,7 @@ class Node:
 
     @property
     def pose(self) -> Any:
+        """As a gtsam.Pose2."""
         return gtsam.Pose2(self.x_m, self.y_m, self.yaw_rad)
 
 
@@ -114,9 +115,7 @@ class GraphBuilder:
             )
         )
 
-    def _add_heading(
-        self, k: int, step: Step, previous: Step, node: Node, previous_node: Node, graph: Graph
-    ) -> None:
+    def _add_heading(self, k: int, step: Step, previous: Step, node: Node, previous_node: Node, graph: Graph) -> None:
         config = self._config
         dt_s = step.yaw_s - previous.yaw_s
         increment = step.yaw_gyro_rad - previous.yaw_gyro_rad
@@ -189,7 +188,9 @@ def anchor_factor(k: int, x_m: float, y_m: float, sigma_m: float) -> Any:
     return gtsam.PoseTranslationPrior2D(X(k), gtsam.Pose2(x_m, y_m, 0.0), model)
 
 
-def anchor_factors(anchors: Checkpoints, t0_s: float, t_s: np.ndarray, length_m: np.ndarray, config: GraphConfig) -> list[Any]:
+def anchor_factors(
+    anchors: Checkpoints, t0_s: float, t_s: np.ndarray, length_m: np.ndarray, config: GraphConfig
+) -> list[Any]:
     """Anchors at the breadcrumbs nearest in time; the distance walked meanwhile adds to their sigma."""
     factors = []
     for at_s, x_m, y_m, sigma_m in zip(anchors.t_s - t0_s, anchors.x_m, anchors.y_m, anchors.sigma_m, strict=True):
@@ -202,9 +203,7 @@ def anchor_factors(anchors: Checkpoints, t0_s: float, t_s: np.ndarray, length_m:
 
 def closed_walk_factor(last: int, config: GraphConfig) -> Any:
     """The walk ends where it began."""
-    return gtsam.PoseTranslationPrior2D(
-        X(last), gtsam.Pose2(), _sigmas(config.sigma_closure_m, config.sigma_closure_m)
-    )
+    return gtsam.PoseTranslationPrior2D(X(last), gtsam.Pose2(), _sigmas(config.sigma_closure_m, config.sigma_closure_m))
 
 
 def _sigmas(*values: float) -> Any:

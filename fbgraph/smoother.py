@@ -128,7 +128,7 @@ def body_to_world(covariance: FloatArray, yaw_rad: FloatArray) -> FloatArray:
     rotation[:, 1, 0] = np.sin(yaw_rad)
     rotation[:, 0, 1] = -rotation[:, 1, 0]
     rotation[:, 2, 2] = 1.0
-    return rotation @ covariance @ rotation.transpose(0, 2, 1)
+    return np.asarray(rotation @ covariance @ rotation.transpose(0, 2, 1))
 
 
 def walk_covariance(poses: FloatArray, config: GraphConfig) -> FloatArray:
@@ -141,4 +141,4 @@ def walk_covariance(poses: FloatArray, config: GraphConfig) -> FloatArray:
     zeros, ones = np.zeros(len(poses)), np.ones(len(poses))
     scale = np.column_stack((rx, ry, zeros)) * config.sigma_length_scale
     mount = np.column_stack((-ry, rx, ones)) * config.sigma_mount_rad
-    return np.einsum("ni,nj->nij", scale, scale) + np.einsum("ni,nj->nij", mount, mount)
+    return np.asarray(np.einsum("ni,nj->nij", scale, scale) + np.einsum("ni,nj->nij", mount, mount))

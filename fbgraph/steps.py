@@ -90,7 +90,9 @@ class StepTrack:
     def of(steps: list[Step]) -> StepTrack:
         """Columns of a list of steps."""
         names = Step.__slots__
-        return StepTrack(**{n: np.array([getattr(s, n) for s in steps], dtype=float) for n in names}, steps=tuple(steps))
+        return StepTrack(
+            **{n: np.array([getattr(s, n) for s in steps], dtype=float) for n in names}, steps=tuple(steps)
+        )
 
 
 class FrontEnd:
@@ -134,7 +136,7 @@ def detect_steps(log: SensorLog, config: Config) -> tuple[StepTrack, LevelledSig
 
 def flat_length_m(config: StepLengthConfig, frequency_hz: float, bounce_m_s2: float) -> float:
     """Length of a step on the level: α + β f (paper) + κ bounce^(1/4) (Weinberg)."""
-    return config.alpha_m + config.beta_m_s * frequency_hz + config.kappa * bounce_m_s2**0.25
+    return float(config.alpha_m + config.beta_m_s * frequency_hz + config.kappa * bounce_m_s2**0.25)
 
 
 @dataclass(frozen=True)
@@ -157,8 +159,8 @@ class StepDetector:
     def __init__(self, config: StepsConfig, rate_hz: float) -> None:
         self._config = config
         self._rate_hz = rate_hz
-        self._smooth = WindowMoments(1, max(int(round(config.smoothing_s * rate_hz)), 1))
-        self._window = WindowMoments(1, int(round(config.window_s * rate_hz)))
+        self._smooth = WindowMoments(1, max(round(config.smoothing_s * rate_hz), 1))
+        self._window = WindowMoments(1, round(config.window_s * rate_hz))
         self._past = _Past()
         self._pending: list[int] = []
         self._walking = False
@@ -215,7 +217,6 @@ class StepDetector:
         self._pending, run = self._pending[-2:], self._pending
         return [Peak(end, start, first=start == starts[0]) for start, end in zip(starts, run, strict=False)]
 
-
     def _handled(self, at: int, since: int, past: _Past) -> bool:
         """Whether the device is being shaken or spun rather than carried."""
         config, rate = self._config, self._rate_hz
@@ -266,8 +267,10 @@ class StepGauge:
         """Take the next signals, before the peaks found in them."""
         self._rests.push(signals)
         known = signals if self._signals is None else LevelledSignals.concatenate([self._signals, signals])
-        self._signals = known if len(signals) > int(_BUFFER_S * self._rate_hz) else known.tail(
-            int(_BUFFER_S * self._rate_hz) + len(signals)
+        self._signals = (
+            known
+            if len(signals) > int(_BUFFER_S * self._rate_hz)
+            else known.tail(int(_BUFFER_S * self._rate_hz) + len(signals))
         )
 
     def measure(self, run: list[Peak]) -> list[Step]:

@@ -56,7 +56,16 @@ def write_tum(path: Path, trajectory: Trajectory, t0_s: float) -> None:
     half = trajectory.yaw_rad / 2.0
     zeros = np.zeros(len(trajectory))
     table = np.column_stack(
-        (trajectory.t_s + t0_s, trajectory.x_m, trajectory.y_m, trajectory.z_m, zeros, zeros, np.sin(half), np.cos(half))
+        (
+            trajectory.t_s + t0_s,
+            trajectory.x_m,
+            trajectory.y_m,
+            trajectory.z_m,
+            zeros,
+            zeros,
+            np.sin(half),
+            np.cos(half),
+        )
     )
     np.savetxt(path, table, fmt=["%.6f"] + ["%.6f"] * 3 + ["%.9f"] * 4)
 

@@ -1,8 +1,8 @@
 """Readers: one format a file, found by content or named by ``--format``.
 
-A reader is a module with ``NAME``, ``DESCRIPTION`` (one line), ``EXAMPLE`` (a few lines of such a log),
-``detects(head) -> bool`` and ``read(path) -> RawLog``. To add one, write the module and list it in ``FORMATS``; modules
-are imported only when asked for.
+A reader is a module with ``NAME``, ``DESCRIPTION`` (one line), ``EXAMPLE`` (a few lines of such a log), ``PRESET``
+(the configuration for the devices that write it), ``detects(head) -> bool`` and ``read(path) -> RawLog``. To add one,
+write the module and list it in ``FORMATS``; modules are imported only when asked for.
 """
 
 from __future__ import annotations
@@ -29,6 +29,11 @@ def reader(name: str) -> ModuleType:
     if name not in FORMATS:
         raise ConfigError(f"no format named {name!r}; there are {', '.join(FORMATS)}")
     return import_module(f"fbgraph.readers.{name}")
+
+
+def preset(format_name: str) -> str:
+    """Name of the configuration preset for the devices that write this format."""
+    return str(reader(format_name).PRESET)
 
 
 def detect(path: Path) -> str:

@@ -17,6 +17,7 @@ from fbgraph.checkpoints import Checkpoints, checkpoints
 from fbgraph.readers.base import RawLog, RawStream, open_text, to_ns
 
 NAME = "getsensordata"
+PRESET = "phone"
 DESCRIPTION = "GetSensorData app, IPIN competition logs (ACCE;app s;sensor s;x;y;z;accuracy)"
 EXAMPLE = """\
 ACCE;0.0542;65093.5471;-1.01514;8.26000;6.21535;3

@@ -14,6 +14,7 @@ from fbgraph.checkpoints import checkpoints
 from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, open_text
 
 NAME = "indoor_location"
+PRESET = "phone"
 DESCRIPTION = (
     "Indoor Location Competition 2.0 traces (ms <tab> TYPE_ACCELEROMETER <tab> x <tab> y <tab> z <tab> accuracy)"
 )

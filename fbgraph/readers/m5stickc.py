@@ -22,6 +22,7 @@ from fbgraph.readers.base import RawLog, RawStream, open_text
 from fbgraph.readers.columns import CANONICAL, Columns, Rows
 
 NAME = "m5stickc"
+PRESET = "m5stickc"
 DESCRIPTION = "M5StickC and other IMU loggers, CSV (t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa)"
 EXAMPLE = f"""\
 {CANONICAL}

@@ -1,0 +1,245 @@
+"""The run folder: its tables and its summary, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fbgraph import __version__
+from fbgraph.checkpoints import Checkpoints
+from fbgraph.config import dump_toml
+from fbgraph.errors import ConfigError, DataError
+from fbgraph.guidance import find_turns
+from fbgraph.metrics import Alignment, score
+from fbgraph.result import WalkResult
+from fbgraph.trajectory import Trajectory, read_tum, write_tum
+
+BREADCRUMB_HEADER = "k,t_s,x_m,y_m,z_m,yaw_rad,gyro_bias_rad_s,sigma_x_m,sigma_y_m,cov_xy_m2,sigma_z_m,sigma_yaw_rad"
+_RUN_FILES = {
+    *(f"{name}.tum" for name in ("pdr", "ekf", "smoothed", "online")),
+    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", "raw.csv", "return.csv"),
+}
+
+
+@contextmanager
+def run_folder(out: Path) -> Iterator[Path]:
+    """A folder to write into that becomes ``out`` when the block ends well, and vanishes when it does not.
+
+    An earlier run at ``out`` is replaced; anything else there is left alone.
+
+    Raises:
+        ConfigError: ``out`` is a file or a folder that is not a run, or its parent cannot be written.
+    """
+    if out.exists():
+        foreign = not out.is_dir() or {entry.name for entry in out.iterdir()} - _RUN_FILES
+        if foreign:
+            raise ConfigError(f"--out {out}: exists and is not a run folder; name another, or remove it")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+    except OSError as error:
+        raise ConfigError(f"--out {out}: cannot write there: {error.strerror}") from error
+    try:
+        partial.chmod(0o755)
+        yield partial
+        if out.exists():
+            shutil.rmtree(out)
+        partial.rename(out)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def write_tables(result: WalkResult, folder: Path) -> None:
+    """Trajectories, breadcrumbs, summary and configuration into an existing folder."""
+    for name, trajectory in result.trajectories.items():
+        write_tum(folder / f"{name}.tum", trajectory, result.log.t0_s)
+    write_breadcrumbs(folder / "breadcrumbs.csv", result.smoothed.trajectory, result.log.t0_s)
+    (folder / "config.toml").write_text(dump_toml(result.config), "utf-8")
+    (folder / "summary.json").write_text(json.dumps(summarize(result), indent=2) + "\n", "utf-8")
+
+
+def write_breadcrumbs(path: Path, trajectory: Trajectory, t0_s: float) -> None:
+    """One row a breadcrumb, covariances in the world frame, ``t_s`` on the format's event clock."""
+    count = len(trajectory)
+    cov = trajectory.cov_xy_yaw if trajectory.cov_xy_yaw is not None else np.full((count, 3, 3), np.nan)
+    sigma_z = trajectory.sigma_z_m if trajectory.sigma_z_m is not None else np.full(count, np.nan)
+    columns = (
+        np.arange(count),
+        trajectory.t_s + t0_s,
+        trajectory.x_m,
+        trajectory.y_m,
+        trajectory.z_m,
+        trajectory.yaw_rad,
+        trajectory.gyro_bias_rad_s,
+        np.sqrt(cov[:, 0, 0]),
+        np.sqrt(cov[:, 1, 1]),
+        cov[:, 0, 1],
+        sigma_z,
+        np.sqrt(cov[:, 2, 2]),
+    )
+    np.savetxt(
+        path,
+        np.column_stack(columns),
+        fmt=["%d", "%.6f"] + ["%.6f"] * 4 + ["%.9f"] + ["%.6f"] * 5,
+        delimiter=",",
+        header=BREADCRUMB_HEADER,
+        comments="",
+    )
+
+
+def score_label(name: str, anchored: bool, closed_walk: bool) -> tuple[str, Alignment]:
+    """How an estimator may fairly be scored: ``unaided``, ``closed`` or ``anchored``, and how it is aligned."""
+    if name == "smoothed" and anchored:
+        return "anchored", "none"  # already in the anchors' frame
+    if name == "smoothed" and closed_walk:
+        return "closed", "start"
+    return "unaided", "start"
+
+
+def summarize(result: WalkResult) -> dict[str, Any]:
+    """What ``summary.json`` holds.
+
+    Raises:
+        DataError: truth that does not belong to this log.
+    """
+    log, track, smoothed = result.log, result.track, result.smoothed
+    estimators: dict[str, Any] = {}
+    for name, trajectory in result.trajectories.items():
+        entry: dict[str, Any] = {
+            "distance_m": float(trajectory.distance_m[-1]),
+            "end_m": [float(axis[-1]) for axis in (trajectory.x_m, trajectory.y_m, trajectory.z_m)],
+            "turns": len(find_turns(trajectory)),
+        }
+        if result.truth is not None:
+            label, alignment = score_label(name, result.anchors is not None, result.closed_walk)
+            entry["score"] = score_entry(trajectory, result.truth, log.t0_s, label, alignment)
+        estimators[name] = entry
+    final = smoothed.trajectory
+    return {
+        "fbgraph": __version__,
+        "log": {
+            "name": log.name,
+            "format": log.format,
+            "duration_s": log.duration_s,
+            "t0_s": log.t0_s,
+            "rates_hz": {
+                name: round(getattr(log, name).rate_hz, 2)
+                for name in ("acc", "gyro", "mag", "pressure")
+                if len(getattr(log, name)) > 1
+            },
+            "samples": {name: len(getattr(log, name)) for name in ("acc", "gyro", "mag", "pressure")},
+            "counts": dict(log.counts),
+            "events": len(log.events),
+        },
+        "steps": len(track) - 1,
+        "walk_s": float(track.t_s[-1] - track.t_s[0]),
+        "distance_m": float(final.distance_m[-1]),
+        "turns": len(find_turns(final)),
+        "altitude_range_m": [float(final.z_m.min()), float(final.z_m.max())],
+        "gyro_bias_deg_s": float(np.degrees(final.gyro_bias_rad_s[-1])),
+        "rest_s": float(track.rest_s.sum()),
+        "closed_walk": result.closed_walk,
+        "anchors": 0 if result.anchors is None else len(result.anchors),
+        "truth": None if result.truth is None else result.truth.source,
+        "estimators": estimators,
+        "solver": {
+            "iterations": smoothed.iterations,
+            "error_initial": smoothed.error_initial,
+            "error_final": smoothed.error_final,
+            "factors": smoothed.factors,
+        },
+        "seconds": {name: round(value, 3) for name, value in result.seconds.items()},
+        "versions": {name: version(name) for name in ("gtsam", "numpy", "scipy", "vqf")},
+        "warnings": warnings(result),
+    }
+
+
+def warnings(result: WalkResult) -> list[str]:
+    """What the user should know before believing the result."""
+    log, track = result.log, result.track
+    found = list(log.notices)
+    gaps = int((track.chained == 0).sum())
+    if gaps:
+        found.append(f"{gaps} gap(s) in the log during the walk: direction across them rests on the compass alone")
+    if len(track) - 1 < 10:
+        found.append(f"only {len(track) - 1} steps")
+    if not (track.rest_s > 0).any():
+        found.append("the wearer never stood still: the gyroscope's bias was found from the compass alone")
+    norm = track.mag_norm_ut[np.isfinite(track.mag_norm_ut)]
+    if len(norm) and np.percentile(norm, 95) - np.percentile(norm, 5) > 0.3 * np.median(norm):
+        found.append(
+            f"magnetic disturbance: field strength {np.percentile(norm, 5):.0f} to {np.percentile(norm, 95):.0f} µT "
+            "along the walk"
+        )
+    return found
+
+
+def read_summary(run: Path) -> dict[str, Any]:
+    """The summary of a run folder.
+
+    Raises:
+        DataError: not a run folder.
+    """
+    try:
+        summary = json.loads((run / "summary.json").read_text("utf-8"))
+        return {**summary, "log": summary["log"], "estimators": summary["estimators"]}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DataError(f"{run}: not a run folder (no readable summary.json); `fbgraph smooth` makes one") from error
+
+
+def score_run(run: Path, truth: Checkpoints) -> dict[str, Any]:
+    """Score every trajectory of a run folder; by estimator, as in ``summary.json``.
+
+    Raises:
+        DataError: not a run folder, or truth that does not belong to it.
+    """
+    summary = read_summary(run)
+    scores = {}
+    for name in summary["estimators"]:
+        trajectory = read_tum(run / f"{name}.tum")
+        label, alignment = score_label(name, bool(summary.get("anchors")), bool(summary.get("closed_walk")))
+        scores[name] = score_entry(trajectory, truth, 0.0, label, alignment)
+    return scores
+
+
+def score_entry(
+    trajectory: Trajectory, truth: Checkpoints, t0_s: float, label: str, alignment: Alignment
+) -> dict[str, Any]:
+    """One estimator's score as it is written and printed: labelled, the best rigid fit beside it."""
+    return {
+        "label": label,
+        **score(trajectory, truth, t0_s, alignment).as_dict(),
+        "aligned_rmse_m": score(trajectory, truth, t0_s, "rigid").rmse_m,
+    }
+
+
+def summary_markdown(summary: dict[str, Any]) -> str:
+    """The summary for people, inside the recording."""
+    low, high = summary["altitude_range_m"]
+    lines = [
+        f"# {summary['log']['name']}",
+        f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, {summary['distance_m']:.0f} m, "
+        f"{summary['turns']} turns, altitude {low:+.1f} to {high:+.1f} m.",
+        "",
+        "| estimator | end x, y (m) | RMSE (m) | max (m) | final (m) | scored |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, entry in summary["estimators"].items():
+        x_m, y_m, _ = entry["end_m"]
+        row = f"| {name} | {x_m:.1f}, {y_m:.1f} |"
+        if "score" in entry:
+            s = entry["score"]
+            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {s['label']} |"
+        else:
+            row += " – | – | – | no truth |"
+        lines.append(row)
+    lines += ["", "## Warnings", *(f"- {text}" for text in summary["warnings"])] if summary["warnings"] else []
+    return "\n".join(lines) + "\n"

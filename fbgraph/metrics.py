@@ -1,0 +1,93 @@
+"""How far off a trajectory is from known places. Definitions as in the paper (Evaluation Metrics) and the README."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+
+from fbgraph.checkpoints import Checkpoints
+from fbgraph.errors import DataError
+from fbgraph.geometry import FloatArray
+from fbgraph.trajectory import Trajectory
+
+Alignment = Literal["start", "rigid", "none"]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Horizontal error over the scored checkpoints, metres: e_k = |p_k - p̂_k|.
+
+    Attributes:
+        rmse_m: √(mean e²), Euclidean in the plane (√2 larger than errors averaged over the axes too).
+        mean_m, max_m: over all scored checkpoints.
+        final_m: at the last one.
+        checkpoints: how many were scored.
+    """
+
+    rmse_m: float
+    mean_m: float
+    max_m: float
+    final_m: float
+    checkpoints: int
+
+    def as_dict(self) -> dict[str, float]:
+        """For JSON."""
+        return asdict(self)
+
+
+def checkpoint_errors(
+    trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, alignment: Alignment = "start"
+) -> FloatArray:
+    """Horizontal errors at the checkpoints.
+
+    Args:
+        trajectory: the estimate; between breadcrumbs it is taken as linear.
+        truth: known places on the clock ``t_s + t0_s``.
+        t0_s: brings the trajectory's clock to the truth's.
+        alignment: ``start`` moves the estimate (no rotation, no scale) so that it agrees at the first checkpoint and
+            scores those after it; ``rigid`` moves and turns it for the best fit over all; ``none`` takes it as it is.
+
+    Returns:
+        (M - 1,) for ``start``, (M,) otherwise; metres.
+
+    Raises:
+        DataError: fewer than two checkpoints, or none within the walk: truth of another log or clock.
+    """
+    if len(truth) < 2:
+        raise DataError(f"{truth.source}: scoring needs at least two checkpoints, found {len(truth)}")
+    t_s = truth.t_s - t0_s
+    inside = (t_s >= trajectory.t_s[0]) & (t_s <= trajectory.t_s[-1])
+    if not inside.any():
+        raise DataError(
+            f"{truth.source}: its times {truth.t_s[0]:.1f} … {truth.t_s[-1]:.1f} s lie outside "
+            f"the walk ({trajectory.t_s[0] + t0_s:.1f} … {trajectory.t_s[-1] + t0_s:.1f} s): another log's truth, or another clock"
+        )
+    estimate = trajectory.at(t_s)[:, :2]
+    if alignment == "start":
+        difference = estimate - truth.xy_m
+        return np.asarray(np.hypot(*(difference - difference[0])[1:].T))
+    if alignment == "rigid":
+        estimate = _rigid_fit(estimate, truth.xy_m)
+    return np.asarray(np.hypot(*(estimate - truth.xy_m).T))
+
+
+def score(trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, alignment: Alignment = "start") -> Score:
+    """Errors at the checkpoints, summed up; arguments and errors as in ``checkpoint_errors``."""
+    errors = checkpoint_errors(trajectory, truth, t0_s, alignment)
+    return Score(
+        rmse_m=float(np.sqrt((errors**2).mean())),
+        mean_m=float(errors.mean()),
+        max_m=float(errors.max()),
+        final_m=float(errors[-1]),
+        checkpoints=len(errors),
+    )
+
+
+def _rigid_fit(points: FloatArray, targets: FloatArray) -> FloatArray:
+    """Points moved and turned onto targets in the least-squares sense (2-D Kabsch, in complex numbers)."""
+    a = (points - points.mean(axis=0)) @ (1.0, 1.0j)
+    b = (targets - targets.mean(axis=0)) @ (1.0, 1.0j)
+    turned = a * np.exp(1j * np.angle(np.vdot(a, b)))
+    return np.asarray(np.column_stack((turned.real, turned.imag)) + targets.mean(axis=0))
