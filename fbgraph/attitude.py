@@ -118,8 +118,8 @@ class Leveller:
     def _advance(self, final: bool) -> LevelledSignals:
         index = self._certain_indices(final)
         t_s: FloatArray = np.asarray(index * self._dt_s, dtype=np.float64)
-        acc_b, acc_ok = self._acc.means(t_s, self._dt_s)
-        gyro_b, gyro_ok = self._gyro.means(t_s, self._dt_s)
+        acc_b, acc_ok = self._acc.means(index, self._dt_s)
+        gyro_b, gyro_ok = self._gyro.means(index, self._dt_s)
         mag_b = _interpolate(self._mag, t_s, self._config.max_gap_s)
         keep = acc_ok & gyro_ok
         if not keep.all():
@@ -139,7 +139,8 @@ class Leveller:
         if self._next_index is None:
             first_s = max(self._acc.first_s, self._gyro.first_s)
             self._next_index = int(np.ceil(first_s / self._dt_s)) + 1
-        end = int(np.floor(frontier_s / self._dt_s + 1e-9)) + 1
+        # a grid point at the very frontier waits, lest rounding put it beyond the last sample
+        end = int(np.floor(frontier_s / self._dt_s + (1e-6 if final else -1e-6))) + 1
         index = np.arange(self._next_index, max(end, self._next_index), dtype=np.int64)
         self._next_index = max(end, self._next_index)
         return index
@@ -271,11 +272,11 @@ class _IntervalMean:
         self._gap_before = np.concatenate((self._gap_before, lead_gap, dt_s > self._max_gap_s))
         self._last = stream.values[-1:]
 
-    def means(self, t_s: FloatArray, dt_s: float) -> tuple[FloatArray, BoolArray]:
-        """(N, D) means over (t - dt, t], and (N,) whether no gap touches that interval."""
-        if len(t_s) == 0:
+    def means(self, index: IntArray, dt_s: float) -> tuple[FloatArray, BoolArray]:
+        """(N, D) means over the grid interval that ends at each index, and (N,) whether no gap touches it."""
+        if len(index) == 0:
             return np.empty((0, self._integral.shape[1])), np.empty(0, dtype=np.bool_)
-        ends = np.concatenate((t_s[:1] - dt_s, t_s))
+        ends = np.concatenate((index[:1] - 1, index)) * dt_s
         at_ends = np.column_stack([np.interp(ends, self._t_s, column) for column in self._integral.T])
         bracket = np.clip(np.searchsorted(self._t_s, ends), 0, len(self._t_s) - 1)
         in_gap = self._gap_before[bracket]

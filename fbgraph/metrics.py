@@ -62,7 +62,8 @@ def checkpoint_errors(
     if not inside.any():
         raise DataError(
             f"{truth.source}: its times {truth.t_s[0]:.1f} … {truth.t_s[-1]:.1f} s lie outside "
-            f"the walk ({trajectory.t_s[0] + t0_s:.1f} … {trajectory.t_s[-1] + t0_s:.1f} s): another log's truth, or another clock"
+            f"the walk ({trajectory.t_s[0] + t0_s:.1f} … {trajectory.t_s[-1] + t0_s:.1f} s): "
+            "another log's truth, or another clock"
         )
     estimate = trajectory.at(t_s)[:, :2]
     if alignment == "start":

@@ -31,7 +31,7 @@ class Step:
     Attributes:
         t_s, start_s: end and begin of the step.
         length_m: adaptive length α + β f + γ s (paper, Parameter Selection) + κ bounce^(1/4).
-        frequency_hz, slope, bounce_m_s2: what the length was computed from; bounce is peak-to-peak vertical acceleration.
+        frequency_hz, slope, bounce_m_s2: what it was computed from; bounce is peak-to-peak vertical acceleration.
         yaw_s: time to which the mean headings refer, the middle of the step.
         yaw_gyro_rad: mean walking direction over the step by the gyroscope, its bias still in it, unwrapped.
         yaw_mag_rad: mean walking direction over the step by the compass.
@@ -282,7 +282,7 @@ class StepGauge:
             first_of_walk = self._last_end is None
             step = self._measure_one(peak, frequency_hz=self._rate_hz / stride)
             if first_of_walk:
-                steps.append(_standing_start(step))
+                steps.append(_standing_start(step, self._altitude_before(peak)))
             steps.append(step)
             self._last_end, self._last_interval = peak.index, interval
         return steps
@@ -327,6 +327,12 @@ class StepGauge:
             rest_sigma_rad_s=rest_sigma,
             rest_s=rest_s,
         )
+
+    def _altitude_before(self, peak: Peak) -> float:
+        """Mean altitude of the seconds before the first step: the reference of the whole walk."""
+        assert self._signals is not None
+        lo, hi = np.searchsorted(self._signals.t_s, (peak.start_index / self._rate_hz - 5.0, peak.index / self._rate_hz))
+        return _mean_finite(self._signals.altitude_m[lo:hi])
 
     def _slope(self, signals: LevelledSignals, end: int, frequency_hz: float, bounce_m_s2: float) -> float:
         """|climb rate| over flat walking speed; 0 within what air pressure does by itself."""
@@ -407,7 +413,7 @@ class _Rests:
         return self._last_break < index
 
 
-def _standing_start(first: Step) -> Step:
+def _standing_start(first: Step, altitude_m: float) -> Step:
     """The breadcrumb before the first step: same direction, no length, where the step began."""
     nan = float("nan")
     return Step(
@@ -422,7 +428,7 @@ def _standing_start(first: Step) -> Step:
         yaw_mag_rad=nan,
         mag_norm_ut=nan,
         mag_dip_rad=nan,
-        altitude_m=first.altitude_m,
+        altitude_m=altitude_m,
         chained=True,
         rest_rate_rad_s=nan,
         rest_sigma_rad_s=nan,
