@@ -135,6 +135,8 @@ class GraphConfig(Section):
     """Sideways error of a step."""
     sigma_length_scale: NonNegative = 0.06
     """Length error common to all steps of a walk: a wearer walks longer or shorter than the model's."""
+    aided_length_steps: Positive = 30.0
+    """With anchors or a closed end the common length error is spread over steps, as if it changed after so many."""
     sigma_mount_rad: NonNegative = 0.07
     """Heading error common to the whole walk: how the device is held, and the compass itself."""
     sigma_yaw_step_rad: Positive = 0.02

@@ -62,9 +62,18 @@ class GraphBuilder:
     It keeps only what a step's factors need from the steps before: the last step and the field's recent usual.
     """
 
-    def __init__(self, config: GraphConfig, free_origin: bool = False) -> None:
+    def __init__(self, config: GraphConfig, free_origin: bool = False, aided: bool = False) -> None:
+        """A builder for one walk.
+
+        Args:
+            config: weights.
+            free_origin: places are known in a frame of their own, so the first breadcrumb is not its origin.
+            aided: places are known: let the steps stretch by the error they share, as no node carries it.
+        """
         self._config = config
         self._free_origin = free_origin
+        shared = config.sigma_length_scale * math.sqrt(config.aided_length_steps) if aided else 0.0
+        self._sigma_length_rel = math.hypot(config.sigma_length_rel, shared)
         self._k = -1
         self._previous: Step | None = None
         self._norms: deque[float] = deque(maxlen=_FIELD_MEMORY)
@@ -106,7 +115,7 @@ class GraphBuilder:
 
     def _add_length(self, k: int, step: Step, previous: Step, graph: Graph) -> None:
         config = self._config
-        along, across = config.sigma_length_rel * step.length_m, config.sigma_lateral_m
+        along, across = self._sigma_length_rel * step.length_m, config.sigma_lateral_m
         if not step.chained:
             along = across = config.sigma_gap_m_s * (step.t_s - previous.t_s)
         graph.push_back(

@@ -8,12 +8,14 @@ from fbgraph.config import StepLengthConfig
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
 
+_START_STEPS = 4
+
 
 def dead_reckon(track: StepTrack, config: StepLengthConfig) -> Trajectory:
     """Constant step length, direct heading propagation.
 
     x_k = x_{k-1} + L0 cos θ_k, y_k = y_{k-1} + L0 sin θ_k. The heading is the gyroscope's, less the bias of the
-    calibration stage (the rest before the first step, if there was one), started at the first compass reading.
+    calibration stage (the rest before the first step, if there was one), started at the compass.
     The baseline has no altitude: z stays 0.
     """
     yaw = track.yaw_gyro_rad - calibration_bias_rad_s(track) * (track.yaw_s - track.yaw_s[0])
@@ -30,9 +32,9 @@ def calibration_bias_rad_s(track: StepTrack) -> float:
 
 
 def first_compass_yaw_rad(track: StepTrack) -> float:
-    """Compass yaw of the first step that has one, carried back to the start; 0 (East) without a magnetometer."""
-    known = np.flatnonzero(np.isfinite(track.yaw_mag_rad))
+    """Yaw of the start by the compass, over the steps that confirm a walk; 0 (East) without a magnetometer."""
+    known = np.flatnonzero(np.isfinite(track.yaw_mag_rad))[:_START_STEPS]
     if len(known) == 0:
         return 0.0
-    k = known[0]
-    return float(track.yaw_mag_rad[k] - (track.yaw_gyro_rad[k] - track.yaw_gyro_rad[0]))
+    offset = track.yaw_mag_rad[known] - (track.yaw_gyro_rad[known] - track.yaw_gyro_rad[0])
+    return float(np.arctan2(np.sin(offset).mean(), np.cos(offset).mean()))

@@ -11,6 +11,7 @@ from typing import Any
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config
 from fbgraph.ekf import run_ekf
+from fbgraph.errors import ConfigError
 from fbgraph.exports import run_folder, summarize, summary_markdown, write_tables
 from fbgraph.log import SensorLog
 from fbgraph.pdr import dead_reckon
@@ -94,3 +95,34 @@ def write_run(
 
             write_recording(result, folder / "recording.rrd", summary_markdown(summary))
     return summary
+
+
+def simulate_files(
+    out: Path, route: str, seed: int, noise: float, variation: float, duration_s: float | None
+) -> dict[str, Any]:
+    """Write a simulated M5StickC log to ``out`` and its exact truth beside it; returns what was written.
+
+    Raises:
+        ConfigError: no such route, impossible options, or ``out`` cannot be written.
+        DataError: a route file that is none.
+    """
+    from fbgraph.routes import load_route
+    from fbgraph.simulate import Device, Walker, simulate, write_m5stickc_csv, write_truth_csv
+
+    walker, device = Walker(variation=variation), Device(noise=noise)
+    walk = simulate(load_route(route), seed, walker, device, duration_s=duration_s)
+    truth = out.with_name(f"{out.stem}_truth.csv")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_m5stickc_csv(walk.log, out)
+        write_truth_csv(walk, truth)
+    except OSError as error:
+        raise ConfigError(f"{out}: cannot write there: {error.strerror}") from error
+    return {
+        "log": str(out),
+        "truth": str(truth),
+        "duration_s": round(walk.log.duration_s, 2),
+        "steps": len(walk.step_t_s),
+        "distance_m": round(float(walk.step_length_m.sum()), 2),
+        "turns": len(walk.turn_t_s),
+    }

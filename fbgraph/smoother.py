@@ -92,7 +92,7 @@ def build(
 ) -> tuple[Graph, Values]:
     """The graph of a whole walk and the first values of its nodes; arguments as in ``smooth``."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    builder = GraphBuilder(config, free_origin=anchors is not None)
+    builder = GraphBuilder(config, free_origin=anchors is not None, aided=anchors is not None or closed_walk)
     columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))
     previous = None
     for step, row in zip(track.steps, columns.tolist(), strict=True):

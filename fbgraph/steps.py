@@ -19,6 +19,7 @@ from fbgraph.log import SensorLog
 _ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
 _WOBBLE_WINDOW_S, _WOBBLE_STEP_S = 2.0, 0.1
 _BUFFER_S = 12.0  # past signals that measuring a step may look at
+_REST_TRIM_S = 0.75
 _REST_LIMIT_S = 60.0  # of a longer rest only the last minute is kept
 
 
@@ -159,7 +160,9 @@ class StepDetector:
     def __init__(self, config: StepsConfig, rate_hz: float) -> None:
         self._config = config
         self._rate_hz = rate_hz
-        self._smooth = WindowMoments(1, max(round(config.smoothing_s * rate_hz), 1))
+        smoothing = max(round(config.smoothing_s * rate_hz), 1)
+        self._smooth = WindowMoments(1, smoothing)
+        self._delay = (smoothing - 1) // 2  # of a moving average over the past
         self._window = WindowMoments(1, round(config.window_s * rate_hz))
         self._past = _Past()
         self._pending: list[int] = []
@@ -208,14 +211,17 @@ class StepDetector:
         if self._walking:
             confirmed = self._pending[-2:]
             self._pending = confirmed
-            return [Peak(confirmed[1], confirmed[0], first=False)]
+            return [Peak(confirmed[1] - self._delay, confirmed[0] - self._delay, first=False)]
         if len(self._pending) < config.min_run:
             return []
         self._walking = True
         # the first step of a run began about one step duration before its peak
         starts = [2 * self._pending[0] - self._pending[1], *self._pending]
         self._pending, run = self._pending[-2:], self._pending
-        return [Peak(end, start, first=start == starts[0]) for start, end in zip(starts, run, strict=False)]
+        return [
+            Peak(end - self._delay, start - self._delay, first=start == starts[0])
+            for start, end in zip(starts, run, strict=False)
+        ]
 
     def _handled(self, at: int, since: int, past: _Past) -> bool:
         """Whether the device is being shaken or spun rather than carried."""
@@ -291,6 +297,7 @@ class StepGauge:
         signals = self._signals
         assert signals is not None  # push comes before measure
         lo, hi = np.searchsorted(signals.index, (peak.start_index + 1, peak.index + 1))
+        hi = max(hi, 1)  # a log can begin in the middle of a step
         lo = min(lo, hi - 1)
         yaw_gyro = signals.yaw_gyro_rad[lo:hi]
         yaw_gyro_rad = float(yaw_gyro.mean())
@@ -331,7 +338,9 @@ class StepGauge:
     def _altitude_before(self, peak: Peak) -> float:
         """Mean altitude of the seconds before the first step: the reference of the whole walk."""
         assert self._signals is not None
-        lo, hi = np.searchsorted(self._signals.t_s, (peak.start_index / self._rate_hz - 5.0, peak.index / self._rate_hz))
+        lo, hi = np.searchsorted(
+            self._signals.t_s, (peak.start_index / self._rate_hz - 5.0, peak.index / self._rate_hz)
+        )
         return _mean_finite(self._signals.altitude_m[lo:hi])
 
     def _slope(self, signals: LevelledSignals, end: int, frequency_hz: float, bounce_m_s2: float) -> float:
@@ -381,11 +390,13 @@ class _Rests:
                 self._close(int(signals.index[lo]))
 
     def _close(self, index: int) -> None:
-        t_s, yaw_gyro, yaw_mag = self._t_s, self._yaw_gyro, self._yaw_mag
+        # the window calls a rest over only after the first movement: leave that out
+        end = max(len(self._t_s) - int(_REST_TRIM_S * self._rate_hz), 0)
+        t_s, yaw_gyro, yaw_mag = self._t_s[:end], self._yaw_gyro[:end], self._yaw_mag[:end]
         self._t_s = self._yaw_gyro = self._yaw_mag = np.empty(0)
-        duration_s = float(t_s[-1] - t_s[0])
-        if duration_s < 1.0:
+        if end < self._rate_hz:
             return
+        duration_s = float(t_s[-1] - t_s[0])
         with_compass = bool(np.isfinite(yaw_mag).all())
         angle = np.unwrap(yaw_gyro - yaw_mag) if with_compass else yaw_gyro
         centred = t_s - t_s.mean()
