@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+"""The README's accuracy tables: every real log in a folder of walks, one configuration, mean of the RMSE.
+
+    scripts/run python-accuracy … is not needed: .venv/bin/python scripts/accuracy.py ../shared/data
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from fbgraph.config import load_config
+from fbgraph.metrics import checkpoint_errors, score
+from fbgraph.pipeline import reconstruct
+from fbgraph.readers import preset, read_log
+
+FLOORS_M = {0: 0.0, -1: -3.4, -2: -5.5}  # measured in the museum of ipin2023
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Score every log of the shared data folder.")
+    parser.add_argument("data", type=Path, help="folder with ipin2023/ and indoor-location/")
+    data = parser.parse_args().data
+    ipin = sorted((data / "ipin2023").glob("*.gz"))
+    flat = [path for path in ipin if "Trial51" not in path.name]
+    indoor = sorted((data / "indoor-location" / "site1").rglob("*.txt.gz"))
+    print("| logs | mode | PDR | EKF | smoother | smoother / EKF |\n|---|---|---|---|---|---|")
+    for name, paths, closed, every in (
+        ("ipin2023, 7 single-floor", flat, False, 0),
+        ("ipin2023, 7 single-floor", flat, True, 0),
+        ("ipin2023, 7 single-floor", flat, False, 3),
+        (f"indoor-location/site1, {len(indoor)}", indoor, False, 0),
+    ):
+        rows = np.array([rmse(path, closed, every) for path in paths])
+        pdr, ekf, smoothed = rows.mean(axis=0)
+        mode = "closed" if closed else f"anchored (every {every}rd checkpoint)" if every else "unaided"
+        print(f"| {name} | {mode} | {pdr:.2f} | {ekf:.2f} | {smoothed:.2f} | {smoothed / ekf:.2f} |")
+    for path in ipin:
+        if "Trial51" in path.name:
+            altitude(path)
+
+
+def rmse(path: Path, closed: bool, every: int) -> list[float]:
+    """Of PDR, EKF and smoother; anchored runs are scored on the checkpoints that were not given."""
+    log_file = read_log(path)
+    truth = log_file.truth
+    assert truth is not None
+    config = load_config(preset(log_file.log.format))
+    anchors = truth.select(np.arange(0, len(truth), every)) if every else None
+    result = reconstruct(log_file.log, config, truth, anchors, closed)
+    scores = [score(result.trajectories[name], truth, log_file.log.t0_s).rmse_m for name in ("pdr", "ekf", "smoothed")]
+    if every:
+        others = truth.select(np.arange(len(truth)) % every != 0)
+        errors = checkpoint_errors(result.trajectories["smoothed"], others, log_file.log.t0_s, "none")
+        scores[2] = float(np.sqrt((errors**2).mean()))
+    return scores
+
+
+def altitude(path: Path) -> None:
+    log_file = read_log(path)
+    truth = log_file.truth
+    assert truth is not None
+    result = reconstruct(log_file.log, load_config(preset(log_file.log.format)))
+    z_m = result.trajectories["smoothed"].at(truth.t_s - log_file.log.t0_s)[:, 2]
+    off = z_m - [FLOORS_M[int(floor)] for floor in truth.floor]
+    print(f"\n{path.name}: altitude off by at most {np.abs(off).max():.2f} m at {len(off)} checkpoints")
+
+
+if __name__ == "__main__":
+    main()
