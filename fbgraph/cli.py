@@ -146,18 +146,27 @@ def simulate(
         ),
     ] = "obstacle",
     seed: Annotated[int, typer.Option(help="Same seed, same walk.")] = 0,
-    noise: Annotated[float, typer.Option(help="Sensor noise, 1 as the data sheets say, 0 perfect.")] = 1.0,
-    variation: Annotated[float, typer.Option(help="Irregularity of the gait, 0 a metronome.")] = 1.0,
-    duration_s: Annotated[float | None, typer.Option(help="Repeat the route for this long.")] = None,
+    laps: Annotated[int, typer.Option(help="Walk the route so often.")] = 1,
+    scale: Annotated[float, typer.Option(help="Stretch the route.")] = 1.0,
+    duration_s: Annotated[
+        float | None, typer.Option("--duration", metavar="SECONDS", help="Repeat the route for about this long.")
+    ] = None,
+    noise: Annotated[float, typer.Option(help="Sensor errors: 1 as the data sheets say, 0 perfect.")] = 1.0,
+    anomalies: Annotated[float, typer.Option(help="Strength of the iron beside the route.")] = 1.0,
+    variation: Annotated[float, typer.Option(help="Irregularity of the gait; 0 is a metronome.")] = 1.0,
+    shake_s: Annotated[float, typer.Option("--shake", metavar="SECONDS", help="Shake and turn before the walk.")] = 0.0,
     as_json: JsonOption = False,
 ) -> None:
     """Write a simulated M5StickC log, and its exact truth beside it as OUT_truth.csv."""
+    from fbgraph.gait import Walker
     from fbgraph.pipeline import simulate_files
+    from fbgraph.routes import load_route
+    from fbgraph.simulate import SimulateOptions
 
-    written = simulate_files(out, route, seed, noise, variation, duration_s)
-    print(
-        json.dumps(written, indent=2) if as_json else "\n".join(f"{name}: {value}" for name, value in written.items())
-    )
+    walker = Walker(gait_variation=variation, shake_s=shake_s)
+    options = SimulateOptions(walker=walker, noise=noise, anomalies=anomalies, duration_s=duration_s)
+    written = simulate_files(out, load_route(route, scale, laps), options, seed)
+    print(json.dumps(written, indent=2) if as_json else "\n".join(f"{k}: {v}" for k, v in written.items()))
 
 
 @app.command()

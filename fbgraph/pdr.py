@@ -15,7 +15,7 @@ def dead_reckon(track: StepTrack, config: StepLengthConfig) -> Trajectory:
     """Constant step length, direct heading propagation.
 
     x_k = x_{k-1} + L0 cos θ_k, y_k = y_{k-1} + L0 sin θ_k. The heading is the gyroscope's, less the bias of the
-    calibration stage (the rest before the first step, if there was one), started at the compass.
+    calibration stage (the first rest, if there was one), started at the compass.
     The baseline has no altitude: z stays 0.
     """
     yaw = track.yaw_gyro_rad - calibration_bias_rad_s(track) * (track.yaw_s - track.yaw_s[0])
@@ -26,9 +26,9 @@ def dead_reckon(track: StepTrack, config: StepLengthConfig) -> Trajectory:
 
 
 def calibration_bias_rad_s(track: StepTrack) -> float:
-    """Mean yaw rate of the rest before the first step; 0 if the wearer never stood still there."""
-    rate = track.rest_rate_rad_s[1]
-    return float(rate) if np.isfinite(rate) else 0.0
+    """Mean yaw rate of the first rest, the calibration stage; 0 if the wearer never stood still."""
+    rests = track.rest_rate_rad_s[np.isfinite(track.rest_rate_rad_s)]
+    return float(rests[0]) if len(rests) else 0.0
 
 
 def first_compass_yaw_rad(track: StepTrack) -> float:

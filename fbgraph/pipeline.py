@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config
@@ -18,6 +18,10 @@ from fbgraph.pdr import dead_reckon
 from fbgraph.result import WalkResult
 from fbgraph.smoother import smooth
 from fbgraph.steps import detect_steps
+
+if TYPE_CHECKING:
+    from fbgraph.routes import Route
+    from fbgraph.simulate import SimulateOptions
 
 Progress = Callable[[str], None]
 """Called with the name of each stage as it begins."""
@@ -97,20 +101,15 @@ def write_run(
     return summary
 
 
-def simulate_files(
-    out: Path, route: str, seed: int, noise: float, variation: float, duration_s: float | None
-) -> dict[str, Any]:
+def simulate_files(out: Path, route: Route, options: SimulateOptions, seed: int) -> dict[str, Any]:
     """Write a simulated M5StickC log to ``out`` and its exact truth beside it; returns what was written.
 
     Raises:
-        ConfigError: no such route, impossible options, or ``out`` cannot be written.
-        DataError: a route file that is none.
+        ConfigError: impossible options, or ``out`` cannot be written.
     """
-    from fbgraph.routes import load_route
-    from fbgraph.simulate import Device, Walker, simulate, write_m5stickc_csv, write_truth_csv
+    from fbgraph.simulate import simulate, write_m5stickc_csv, write_truth_csv
 
-    walker, device = Walker(variation=variation), Device(noise=noise)
-    walk = simulate(load_route(route), seed, walker, device, duration_s=duration_s)
+    walk = simulate(route, options, seed)
     truth = out.with_name(f"{out.stem}_truth.csv")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -122,7 +121,7 @@ def simulate_files(
         "log": str(out),
         "truth": str(truth),
         "duration_s": round(walk.log.duration_s, 2),
-        "steps": len(walk.step_t_s),
-        "distance_m": round(float(walk.step_length_m.sum()), 2),
-        "turns": len(walk.turn_t_s),
+        "steps": len(walk.steps.t_s),
+        "distance_m": round(float(walk.steps.length_m.sum()), 2),
+        "turns": len(walk.turns.t_s),
     }

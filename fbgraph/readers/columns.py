@@ -94,6 +94,24 @@ class Columns:
     @classmethod
     def from_header(cls, line: str) -> Columns | None:
         """The columns that a header names; None if it names no accelerometer."""
+        names, where, scale = cls._recognise(line)
+        if "acc" not in where:
+            return None
+        counter = where.pop("counter", None)
+        sampled = "time" not in where
+        if sampled:
+            scale["time"] = 1e9 / ASSUMED_RATE_HZ
+            where |= {"time": counter} if counter else {}
+        return cls(names, where, scale, sampled)
+
+    @classmethod
+    def names_gyroscope(cls, line: str) -> bool:
+        """Whether a header names a gyroscope, accelerometer or not."""
+        return "gyro" in cls._recognise(line)[1]
+
+    @staticmethod
+    def _recognise(line: str) -> tuple[tuple[str, ...], dict[str, tuple[int, ...]], dict[str, float]]:
+        """All names, which columns hold which quantity, and the scales that the names tell."""
         names = tuple(line.rstrip("\r\n").split(","))
         found: dict[str, dict[str, int]] = {}
         scale: dict[str, float] = {}
@@ -113,14 +131,7 @@ class Columns:
             for quantity, axes in found.items()
             if "" in axes or len(axes) == 3
         }
-        if "acc" not in where:
-            return None
-        counter = where.pop("counter", None)
-        sampled = "time" not in where
-        if sampled:
-            scale["time"] = 1e9 / ASSUMED_RATE_HZ
-            where |= {"time": counter} if counter else {}
-        return cls(names, where, scale, sampled)
+        return names, where, scale
 
     @classmethod
     def assumed(cls, line: str) -> Columns | None:

@@ -35,7 +35,9 @@ _RESTART_NS = 1_000_000_000
 
 def detects(head: str) -> bool:
     """Whether the beginning of a file is of this format."""
-    return find_columns(_data_lines(head)) is not None
+    lines = _data_lines(head)
+    # a header with a gyroscope only is of this kind too: reading it then says what it lacks
+    return find_columns(lines) is not None or any(Columns.names_gyroscope(line) for line in lines[:_HEAD_LINES])
 
 
 def find_columns(lines: list[str]) -> Columns | None:
