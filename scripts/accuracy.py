@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The README's accuracy tables: every real log in a folder of walks, one configuration, mean of the RMSE.
 
-    scripts/run python-accuracy … is not needed: .venv/bin/python scripts/accuracy.py ../shared/data
+scripts/run python-accuracy … is not needed: .venv/bin/python scripts/accuracy.py ../shared/data
 """
 
 from __future__ import annotations
