@@ -131,6 +131,8 @@ class GraphConfig(Section):
 
     sigma_length_rel: Positive = 0.08
     """Step length, relative, one step to the next."""
+    sigma_slope_rel: NonNegative = 0.5
+    """Error of what the slope term adds to a step, relative."""
     sigma_lateral_m: Positive = 0.05
     """Sideways error of a step."""
     sigma_length_scale: NonNegative = 0.06

@@ -70,7 +70,9 @@ class Walker:
     gamma_m: float = -1.75
     """Metres per unit slope, slope = |climb rate| / flat walking speed; never positive."""
     gait_variation: float = 1.0
-    """Scales all that is irregular about a walker: the five below. 0 is a metronome."""
+    """Scales all that is irregular about a walker: the six below. 0 is a metronome."""
+    person_sigma: float = 0.04
+    """Relative standard deviation of this wearer's step length from the model's, drawn once a walk."""
     cadence_sigma: float = 0.025
     """Relative standard deviation of cadence; half of its variance changes slowly, over some ten steps."""
     length_sigma: float = 0.03
@@ -151,7 +153,7 @@ def plan_walk(route: Route, walker: Walker, rng: np.random.Generator) -> Walk:
     stops = route.stops()
     leg = route.waypoints_m[1] - route.waypoints_m[0]
     yaw = float(np.arctan2(leg[1], leg[0]))
-    t = walker.shake_s + walker.start_hold_s
+    t = walker.shake_s + walker.start_hold_s + float(route.pause_s[0])
     here = np.array([*route.waypoints_m[0], yaw, 0.0, 0.5, 0.0, 0.0, 0.0])
     times, knots, is_step, lengths = [np.zeros(1)], [here[None]], [np.zeros(1)], []
     turns: list[tuple[float, float]] = []
@@ -174,7 +176,10 @@ def plan_walk(route: Route, walker: Walker, rng: np.random.Generator) -> Walk:
     pace = _Pace(walker, rng)
     for start, stop in pairwise(stops):
         yaw = float(knots[-1][-1, _YAW_AT])
-        path = round_corners(route.waypoints_m[start : stop + 1], walker.turn_length_m, yaw)
+        waypoints_m = route.waypoints_m[start : stop + 1] + (knots[-1][-1, :3] - route.waypoints_m[start])
+        if walker.gait_variation == 0:
+            waypoints_m = pace.fitted(waypoints_m, yaw)
+        path = round_corners(waypoints_m, walker.turn_length_m, yaw)
         if abs(angle := float(path.yaw_rad[0]) - yaw) > 1e-9:
             if abs(angle) >= _MIN_TURN_RAD:
                 turns.append((t + 0.35 + 0.25 * abs(angle), angle))
@@ -221,7 +226,27 @@ class _Pace:
 
         Every step follows the walker's model, but the last two share what is left of the path between them.
         """
-        walker, total_m = self._walker, float(path.s_m[-1])
+        return self._steps(path, start_s, float(path.s_m[-1]))
+
+    def fitted(self, waypoints_m: FloatArray, yaw_rad: float) -> FloatArray:
+        """The waypoints stretched on the plan about the first, by less than a step, so that whole steps lead along them.
+
+        A metronome makes no half steps.
+        """
+        for _ in range(8):
+            path = round_corners(waypoints_m, self._walker.turn_length_m, yaw_rad)
+            total_m = float(path.s_m[-1])
+            _, ends_m, _, _ = self._steps(
+                path, 0.0, total_m + 2.0 * self._walker.flat_length_m(self._walker.cadence_hz)
+            )
+            ratio = float(ends_m[np.argmin(np.abs(ends_m - total_m))]) / total_m
+            waypoints_m = waypoints_m.copy()
+            waypoints_m[:, :2] = waypoints_m[0, :2] + ratio * (waypoints_m[:, :2] - waypoints_m[0, :2])
+        return waypoints_m
+
+    def _steps(self, path: SmoothPath, start_s: float, total_m: float) -> tuple[FloatArray, ...]:
+        """``steps`` along a path taken to be ``total_m`` long."""
+        walker = self._walker
         usual_m = walker.flat_length_m(walker.cadence_hz)
         t, s, closing = start_s, 0.0, False
         out: list[tuple[float, float, float, float]] = []
@@ -231,19 +256,20 @@ class _Pace:
             grade = float(path.z(s + ahead_m / 2) - path.z(s)) / (ahead_m / 2)
             turn_rad = abs(float(path.yaw(s + ahead_m) - path.yaw(s)))
             slow, fast, longer, swinging, striking = self._variation()
-            cadence = walker.cadence_hz * np.exp(slow + fast)
+            cadence = walker.cadence_hz * float(np.exp(np.clip(slow + fast, -0.4, 0.4)))
             cadence *= (1.0 - 0.15 * min(turn_rad / 0.8, 1.0)) * (1.0 - 0.15 * min(abs(grade) / 0.5, 1.0))
-            cadence *= 0.65 if not out else 0.8 if left_m < 1.2 * usual_m else 1.0  # setting off, coming to a stand
-            length = walker.step_length_m(cadence, grade) * (1.0 + longer)
-            if closing or left_m < length * (1.0 + 1e-6):
+            halt = 0.8 if left_m < 1.2 * usual_m and walker.gait_variation > 0 else 1.0
+            cadence *= 0.65 if not out else halt  # setting off, coming to a stand
+            length = walker.step_length_m(cadence, grade) * min(max(1.0 + longer, 0.5), 1.5)
+            if closing or left_m < length * (1.0 + 1e-3):
                 length = left_m
-            elif left_m < length * (2.0 - 1e-6):
+            elif left_m < length * (2.0 - 1e-3):
                 length, closing = left_m / 2.0, True
             t, s = t + 1.0 / cadence, s + length
             # an inverted pendulum's bounce goes with the square of its step
             swing = (min(length, walker.flat_length_m(cadence)) / usual_m) ** 2 if abs(grade) < 0.1 else 1.0
             swing = min(max(swing * (1.0 + swinging), 0.6), 1.6)
-            out.append((t, s, swing, swing * (1.0 + striking)))
+            out.append((t, s, swing, swing * min(max(1.0 + striking, 0.0), 2.0)))
         return tuple(np.array(out).T)
 
     def _variation(self) -> tuple[float, ...]:

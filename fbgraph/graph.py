@@ -115,7 +115,8 @@ class GraphBuilder:
 
     def _add_length(self, k: int, step: Step, previous: Step, graph: Graph) -> None:
         config = self._config
-        along, across = self._sigma_length_rel * step.length_m, config.sigma_lateral_m
+        along = math.hypot(self._sigma_length_rel * step.length_m, config.sigma_slope_rel * step.shortened_m)
+        across = config.sigma_lateral_m
         if not step.chained:
             along = across = config.sigma_gap_m_s * (step.t_s - previous.t_s)
         graph.push_back(

@@ -53,6 +53,9 @@ def write_recording(result: WalkResult, path: Path, summary_markdown: str) -> No
         result: the walk.
         path: file to write; its folder exists.
         summary_markdown: shown beside the map.
+
+    Raises:
+        OSError: the file cannot be written.
     """
     _write(result, path, summary_markdown)
 
@@ -109,20 +112,19 @@ def _log_states(rrd: RrdWriter, result: WalkResult) -> None:
     band = [(*COLORS["smoothed"], _FAINT)] * 2
     band_names = [f"smoothed ±{_SIGMAS:g}σ"] * 2
 
-    compass = smoothed.yaw_rad + wrap_angle(track.yaw_mag_rad - smoothed.yaw_rad)
-    rrd.series("state/yaw_deg/compass", track.t_s, np.degrees(compass), ["compass"], [sensor], points=circle)
+    shown = smoothed.yaw_rad - 2.0 * np.pi * _laps(smoothed.yaw_rad)
+
+    def beside(yaw_rad: FloatArray) -> FloatArray:
+        """The same directions in degrees, within half a turn of the smoothed one, so that they can be compared."""
+        return np.degrees(shown + wrap_angle(yaw_rad - smoothed.yaw_rad))
+
+    compass = beside(track.yaw_mag_rad)
+    rrd.series("state/yaw_deg/compass", track.t_s, compass, ["compass"], [sensor], points=circle)
     if smoothed.cov_xy_yaw is not None:
-        rrd.series(
-            "state/yaw_deg/smoothed_2sigma",
-            smoothed.t_s,
-            np.degrees(_band(smoothed.yaw_rad, np.sqrt(smoothed.cov_xy_yaw[:, 2, 2]))),
-            band_names,
-            band,
-            width=1.0,
-        )
+        table = np.degrees(_band(shown, np.sqrt(smoothed.cov_xy_yaw[:, 2, 2])))
+        rrd.series("state/yaw_deg/smoothed_2sigma", smoothed.t_s, table, band_names, band, width=1.0)
     for name, trajectory in _ordered(result):
-        turns = np.round((smoothed.yaw_rad[0] - trajectory.yaw_rad[0]) / (2.0 * np.pi))
-        yaw_deg = np.degrees(trajectory.yaw_rad + 2.0 * np.pi * turns)
+        yaw_deg = beside(trajectory.yaw_rad)
         rrd.series(f"state/yaw_deg/{name}", trajectory.t_s, yaw_deg, [LABELS[name]], [COLORS[name]])
 
     rest = np.degrees(np.where(track.rest_s > 0, track.rest_rate_rad_s, np.nan))
@@ -284,6 +286,14 @@ def _ordered(result: WalkResult) -> list[tuple[str, Trajectory]]:
 def _xyz(trajectory: Trajectory) -> FloatArray:
     """(K+1, 3) positions."""
     return np.column_stack((trajectory.x_m, trajectory.y_m, trajectory.z_m))
+
+
+def _laps(yaw_rad: FloatArray) -> FloatArray:
+    """(N,) whole turns to take off, lest laps add up and flatten the plot; changed as rarely as keeps within ±270°."""
+    laps = [float(np.round(yaw_rad[0] / (2.0 * np.pi)))]
+    for turns in (yaw_rad[1:] / (2.0 * np.pi)).tolist():
+        laps.append(laps[-1] if abs(turns - laps[-1]) < 0.75 else float(round(turns)))
+    return np.array(laps)
 
 
 def _band(values: FloatArray, sigma: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from fbgraph.geometry import FloatArray
 
@@ -111,7 +112,14 @@ class RrdWriter:
         self.columns(f"world/{entity}", t_s, rr.Points3D.columns(positions=points))
         self.columns(f"map/{entity}", t_s, rr.Points2D.columns(positions=points[:, :2]))
 
-    def save(self, path: Path, arranged: rr.blueprint.Blueprint) -> None:
-        """Write everything."""
-        self._stream.save(path, default_blueprint=arranged)
+    def save(self, path: Path, arranged: rrb.Blueprint) -> None:
+        """Write everything, and how it opens.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        try:
+            self._stream.save(path, default_blueprint=arranged)
+        except RuntimeError as error:
+            raise OSError(f"{path}: {error}") from error
         self._stream.disconnect()

@@ -98,6 +98,8 @@ class SensorErrors:
     """Resolution, 16-fold oversampling."""
     weather_hpa: float = 0.15
     """Amplitude of the slow change of air pressure, over 20 minutes to 3 hours."""
+    mount_deg: float = 3.0
+    """How far the device's forward is off the wearer's, drawn once a walk."""
     jitter_s: float = 0.001
     """Of the moment of a row."""
     gyro_delay_s: float = 0.0004
@@ -120,7 +122,7 @@ class Environment:
     """Of magnetic North, positive East."""
     irons_per_100m: float = 12.0
     """How many magnetic dipoles lie in floor and walls, per 100 m of one lap."""
-    iron_ut: float = 8.0
+    iron_ut: float = 6.0
     """What one of them adds where the route passes nearest: 0.5 to 1.5 times this, and up to twice that on its axis."""
     pressure_hpa: float = 1008.0
     """At the start."""
@@ -187,7 +189,7 @@ class SimulatedWalk:
         log: what the sensors saw.
         t_s: (N,) an even grid at the device's rate, on the log's clock (0 at its first row).
         x_m, y_m, z_m: (N,) the walker, world frame; smooth, without the device's bounce and sway.
-        yaw_rad: (N,) walking direction, unwrapped; where the walker faces when standing.
+        yaw_rad: (N,) walking direction, unwrapped; where the walker faces. In corners the velocity is up to 10° off it.
         device_m: (N, 3) the device, with bounce and sway; (0, 0, 0) at the start like the walker.
         quat_wxyz: (N, 4) the device's attitude nRb.
         steps, turns: in order of time, ``t_s`` on the log's clock.
@@ -225,8 +227,9 @@ def simulate(route: Route, options: SimulateOptions | None = None, seed: int = 0
         raise ConfigError(f"the seed must be 0 or more, not {seed}")
     options = options or SimulateOptions()
     # streams of their own, so that a change of one option leaves all else as it was
-    streams = [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(8)]
-    gait_rng, sway_rng, *world_rngs = streams
+    streams = [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(9)]
+    gait_rng, sway_rng, *world_rngs, person_rng = streams
+    options = _someone(options, person_rng)
     lap = route
     if options.duration_s is not None:
         route = route.repeated(_laps_for(route, options.walker, options.duration_s))
@@ -269,6 +272,16 @@ def simulate(route: Route, options: SimulateOptions | None = None, seed: int = 0
         ),
         labels=route.labels,
     )
+
+
+def _someone(options: SimulateOptions, rng: np.random.Generator) -> SimulateOptions:
+    """The options with this wearer's own step length and way of holding the device."""
+    walker, device = options.walker, options.device
+    longer, turned = np.clip(rng.standard_normal(2), -2.5, 2.5).tolist()
+    scale = 1.0 + walker.gait_variation * walker.person_sigma * longer
+    lengths = {name: scale * getattr(walker, name) for name in ("alpha_m", "beta_m_s", "gamma_m")}
+    mount_deg = device.mount_yaw_deg + options.noise * options.errors.mount_deg * turned
+    return replace(options, walker=replace(walker, **lengths), device=replace(device, mount_yaw_deg=mount_deg))
 
 
 def _laps_for(route: Route, walker: Walker, duration_s: float) -> int:
@@ -327,7 +340,7 @@ def _record(
     if noise > 0:
         jitter_s = noise * errors.jitter_s * sampling_rng.standard_normal(len(t_s))
         jitter_s[0] = 0.0
-        there = sampling_rng.random(len(t_s)) >= noise * errors.missing_rows
+        there = sampling_rng.random(len(t_s)) >= min(noise * errors.missing_rows, 0.5)
         there[[0, -1]] = True
         read_s = (t_s + np.clip(jitter_s, -0.3 / device.rate_hz, 0.3 / device.rate_hz))[there]
         row_s = np.floor(read_s * 1000.0 + 1e-6) / 1000.0

@@ -6,6 +6,7 @@ chunk-invariant: cut the log anywhere, the steps stay the same.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,9 @@ _ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
 _WOBBLE_WINDOW_S, _WOBBLE_STEP_S = 2.0, 0.1
 _BUFFER_S = 12.0  # past signals that measuring a step may look at
 _REST_TRIM_S = 0.75
+_REST_FLOOR_RAD_S = 2e-4  # no rest tells the bias better than this
+_SWAY_RAD = 0.03  # a hand that holds still turns by this much
+_UNSETTLED_RAD = 0.04  # the compass's error just after walking, before the tilt has settled
 _REST_LIMIT_S = 60.0  # of a longer rest only the last minute is kept
 
 
@@ -33,6 +37,7 @@ class Step:
         t_s, start_s: end and begin of the step.
         length_m: adaptive length α + β f + γ s (paper, Parameter Selection) + κ bounce^(1/4).
         frequency_hz, slope, bounce_m_s2: what it was computed from; bounce is peak-to-peak vertical acceleration.
+        shortened_m: by how much the slope term γ s changed the length.
         yaw_s: time to which the mean headings refer, the middle of the step.
         yaw_gyro_rad: mean walking direction over the step by the gyroscope, its bias still in it, unwrapped.
         yaw_mag_rad: mean walking direction over the step by the compass.
@@ -49,6 +54,7 @@ class Step:
     length_m: float
     frequency_hz: float
     slope: float
+    shortened_m: float
     bounce_m_s2: float
     yaw_s: float
     yaw_gyro_rad: float
@@ -71,6 +77,7 @@ class StepTrack:
     length_m: FloatArray
     frequency_hz: FloatArray
     slope: FloatArray
+    shortened_m: FloatArray
     bounce_m_s2: FloatArray
     yaw_s: FloatArray
     yaw_gyro_rad: FloatArray
@@ -102,7 +109,7 @@ class FrontEnd:
     def __init__(self, config: Config) -> None:
         self._leveller = Leveller(config.device, config.attitude)
         self._detector = StepDetector(config.steps, config.attitude.rate_hz)
-        self._gauge = StepGauge(config.step_length, config.steps, config.attitude.rate_hz)
+        self._gauge = StepGauge(config.step_length, config.attitude.rate_hz, config.attitude.level_tau_s)
 
     def feed(self, piece: SensorLog) -> tuple[list[Step], LevelledSignals]:
         """Take the next samples; return the steps they complete and the signals they level."""
@@ -260,12 +267,11 @@ class _Past:
 class StepGauge:
     """Measures what each detected step says: its length, direction, field, altitude and the rest before it."""
 
-    def __init__(self, length: StepLengthConfig, steps: StepsConfig, rate_hz: float) -> None:
+    def __init__(self, length: StepLengthConfig, rate_hz: float, settle_s: float) -> None:
         self._length = length
-        self._steps = steps
         self._rate_hz = rate_hz
         self._signals: LevelledSignals | None = None
-        self._rests = _Rests(rate_hz)
+        self._rests = _Rests(rate_hz, settle_s)
         self._last_end: int | None = None
         self._last_interval: int | None = None
 
@@ -322,6 +328,7 @@ class StepGauge:
             length_m=max(length, self._length.shortest_m),
             frequency_hz=frequency_hz,
             slope=slope,
+            shortened_m=abs(self._length.gamma_m * slope),
             bounce_m_s2=bounce,
             yaw_s=float(signals.t_s[lo:hi].mean()),
             yaw_gyro_rad=yaw_gyro_rad,
@@ -364,8 +371,10 @@ class _Rests:
     the slope of (gyroscope - compass) over a rest is the bias.
     """
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, settle_s: float) -> None:
         self._rate_hz = rate_hz
+        self._settle_s = settle_s
+        self._moved = False
         self._limit = int(_REST_LIMIT_S * rate_hz)
         self._t_s = self._yaw_gyro = self._yaw_mag = np.empty(0)
         self._done: list[tuple[int, float, float, float]] = []  # end index, rate, sigma, duration
@@ -386,28 +395,29 @@ class _Rests:
                 self._t_s = np.concatenate((self._t_s, signals.t_s[lo:hi]))[-self._limit :]
                 self._yaw_gyro = np.concatenate((self._yaw_gyro, signals.yaw_gyro_rad[lo:hi]))[-self._limit :]
                 self._yaw_mag = np.concatenate((self._yaw_mag, signals.yaw_mag_rad[lo:hi]))[-self._limit :]
-            elif len(self._t_s):
+            else:
                 self._close(int(signals.index[lo]))
 
     def _close(self, index: int) -> None:
-        # the window calls a rest over only after the first movement: leave that out
-        end = max(len(self._t_s) - int(_REST_TRIM_S * self._rate_hz), 0)
-        t_s, yaw_gyro, yaw_mag = self._t_s[:end], self._yaw_gyro[:end], self._yaw_mag[:end]
-        self._t_s = self._yaw_gyro = self._yaw_mag = np.empty(0)
-        if end < self._rate_hz:
+        if len(self._t_s) == 0:
+            self._moved |= index > 2 * self._rate_hz  # the window takes a while to fill at the log's start
             return
-        duration_s = float(t_s[-1] - t_s[0])
-        with_compass = bool(np.isfinite(yaw_mag).all())
-        angle = np.unwrap(yaw_gyro - yaw_mag) if with_compass else yaw_gyro
-        centred = t_s - t_s.mean()
-        spread = float((centred**2).sum())
-        rate = float((centred * angle).sum() / spread)
-        scatter = float(np.std(angle - angle.mean() - rate * centred))
-        # samples a second apart are independent; a hand alone sways by a degree or so
-        effective = max(duration_s, 1.0)
-        sway = 0.0 if with_compass else 0.02
-        sigma = float(np.sqrt(12.0 / effective) * np.hypot(scatter, sway) / duration_s) + 2e-4
-        self._done.append((index, rate, sigma, duration_s))
+        # the window calls a rest over only after the first movement; and after walking the tilt, and with it the
+        # compass, takes a while to settle: leave both out
+        begin = min(2 * self._settle_s, 0.4 * len(self._t_s) / self._rate_hz) if self._moved else 0.0
+        unsettled_rad = _UNSETTLED_RAD * math.exp(-begin / self._settle_s) if self._moved else 0.0
+        lo, hi = int(begin * self._rate_hz), len(self._t_s) - int(_REST_TRIM_S * self._rate_hz)
+        t_s, yaw_gyro, yaw_mag = self._t_s[lo:hi], self._yaw_gyro[lo:hi], self._yaw_mag[lo:hi]
+        self._moved = True
+        self._t_s = self._yaw_gyro = self._yaw_mag = np.empty(0)
+        if hi - lo < self._rate_hz:
+            return
+        rate, sigma = _slope_of(t_s, yaw_gyro, _SWAY_RAD)
+        if np.isfinite(yaw_mag).all():
+            relative, sigma_relative = _slope_of(t_s, np.unwrap(yaw_gyro - yaw_mag), unsettled_rad)
+            weight = sigma**2 / (sigma**2 + sigma_relative**2)
+            rate, sigma = rate + weight * (relative - rate), sigma * sigma_relative / math.hypot(sigma, sigma_relative)
+        self._done.append((index, rate, sigma, float(t_s[-1] - t_s[0])))
 
     def take(self, before_index: int) -> tuple[float, float, float]:
         """Rate, sigma, duration of the rests that ended before this index and were not taken yet."""
@@ -424,6 +434,19 @@ class _Rests:
         return self._last_break < index
 
 
+def _slope_of(t_s: FloatArray, angle_rad: FloatArray, systematic_rad: float) -> tuple[float, float]:
+    """Least-squares slope of an angle over a rest, rad/s, and its standard deviation.
+
+    Samples a second apart count as independent; ``systematic_rad`` is how far the angle itself may move meanwhile.
+    """
+    centred = t_s - t_s.mean()
+    rate = float((centred * angle_rad).sum() / (centred**2).sum())
+    scatter = float(np.std(angle_rad - angle_rad.mean() - rate * centred))
+    duration_s = float(t_s[-1] - t_s[0])
+    random = math.sqrt(12.0 / max(duration_s, 1.0)) * scatter / duration_s
+    return rate, math.hypot(random, systematic_rad / duration_s) + _REST_FLOOR_RAD_S
+
+
 def _standing_start(first: Step, altitude_m: float) -> Step:
     """The breadcrumb before the first step: same direction, no length, where the step began."""
     nan = float("nan")
@@ -433,6 +456,7 @@ def _standing_start(first: Step, altitude_m: float) -> Step:
         length_m=0.0,
         frequency_hz=first.frequency_hz,
         slope=0.0,
+        shortened_m=0.0,
         bounce_m_s2=first.bounce_m_s2,
         yaw_s=first.yaw_s,
         yaw_gyro_rad=first.yaw_gyro_rad,

@@ -39,6 +39,7 @@ def make_track(
                 length_m=L if k else 0.0,
                 frequency_hz=1 / dt_s,
                 slope=0.0,
+                shortened_m=0.0,
                 bounce_m_s2=5.0,
                 yaw_s=yaw_s,
                 yaw_gyro_rad=float(yaw) + 1.234 + bias_rad_s * yaw_s,

@@ -1,0 +1,278 @@
+"""Recordings: Rerun accepts them, equal walks give equal ones, and what is in them is what was found."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import Chunk, RrdReader
+
+from fbgraph.blueprint import Frame
+from fbgraph.checkpoints import Checkpoints, checkpoints
+from fbgraph.config import load_config
+from fbgraph.log import Event, SensorLog, Stream, empty_stream
+from fbgraph.metrics import score
+from fbgraph.palette import COLORS, LABELS
+from fbgraph.pipeline import reconstruct
+from fbgraph.readers import read_log
+from fbgraph.recording import _grouped, _laps, write_recording
+from fbgraph.result import ESTIMATORS, WalkResult
+
+T0_S = 1000.0
+PATHS = {"pdr", "ekf", "smoothed"}
+EVERYWHERE = {"time", "step", "distance_cm"}
+
+
+def straight_walk(seconds: float = 30.0, *, aided: bool = True) -> SensorLog:
+    """Stand for 6 s, then walk North at 1.8 steps a second, the device flat and facing North."""
+    rng = np.random.default_rng(7)
+    t_s = np.arange(0.0, seconds, 0.01)
+    count = len(t_s)
+    bounce = np.where(t_s > 6.0, 2.5 * np.sin(2.0 * np.pi * 1.8 * t_s), 0.0)
+    acc = np.column_stack((np.zeros(count), np.zeros(count), 9.81 + bounce)) + rng.normal(0.0, 0.02, (count, 3))
+    gyro = rng.normal(0.0, 0.003, (count, 3))
+    mag = np.array((0.0, 20.0, -40.0)) + rng.normal(0.0, 0.3, (count, 3))
+    pressure = 1000.0 + rng.normal(0.0, 0.02, (count, 1))
+    return SensorLog(
+        name="straight",
+        format="synthetic",
+        t0_s=T0_S,
+        acc=Stream(t_s, acc),
+        gyro=Stream(t_s, gyro),
+        mag=Stream(t_s, mag) if aided else empty_stream(3),
+        pressure=Stream(t_s, pressure) if aided else empty_stream(1),
+        events=(Event(4.0, "button"), Event(20.0, "button again")) if aided else (),
+        notices=("made up",) if aided else (),
+    )
+
+
+def truth_of(log: SensorLog) -> Checkpoints:
+    """A place every 7 s along 1.1 m/s North, surveyed in a frame far from the log's, the last one passed twice."""
+    t_s = np.array((6.0, 13.0, 20.0, 27.0, 28.0))
+    y_m = 1.1 * (np.minimum(t_s, 27.0) - 6.0)
+    return checkpoints(t_s + log.t0_s, np.full(5, 500.0), 200.0 + y_m, source="made up")
+
+
+@pytest.fixture(scope="module")
+def walk() -> WalkResult:
+    log = straight_walk()
+    return reconstruct(log, load_config(), truth=truth_of(log), closed_walk=True)
+
+
+@pytest.fixture(scope="module")
+def bare_walk() -> WalkResult:
+    return reconstruct(straight_walk(aided=False), load_config())
+
+
+def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rerun", "rrd", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60)
+
+
+def record(result: WalkResult, path: Path) -> dict[str, list[Chunk]]:
+    """Write it, have Rerun check it, read it back by entity."""
+    write_recording(result, path, "# A walk\n\nMostly straight.")
+    verified = rrd("verify", path)
+    assert verified.returncode == 0, verified.stderr
+    chunks: dict[str, list[Chunk]] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        chunks.setdefault(chunk.entity_path.lstrip("/"), []).append(chunk)
+    return chunks
+
+
+def column(chunks: list[Chunk], name: str, static: bool = False) -> np.ndarray:
+    """(N, D) values of the component, or (N,) of the timeline, of this name; rows in order."""
+    parts = []
+    for chunk in chunks:
+        batch = chunk.to_record_batch()
+        if chunk.is_static == static and name in batch.schema.names:
+            parts += batch.column(name).to_pylist()
+    if name in EVERYWHERE:
+        return np.array(parts, dtype=object)
+    return np.array([np.asarray(row, dtype=float).ravel() for row in parts])
+
+
+def test_has_every_entity(walk: WalkResult, tmp_path: Path) -> None:
+    found = set(record(walk, tmp_path / "walk.rrd"))
+    expected = {f"sensors/{name}" for name in ("acc", "gyro", "mag", "pressure")}
+    for space in ("world", "map"):
+        expected |= {f"{space}/{name}/{what}" for name in PATHS for what in ("path", "position")}
+        expected |= {f"{space}/smoothed/{what}" for what in ("breadcrumbs", "ellipses", "ends", "closure")}
+        expected |= {f"{space}/truth/{what}" for what in ("path", "checkpoints")} | {space}
+    expected |= {f"map/legend/{what}" for what in ("colors", "scale", "north")}
+    expected |= {f"state/yaw_deg/{name}" for name in (*PATHS, "compass", "smoothed_2sigma")}
+    expected |= {f"state/gyro_bias_deg_s/{name}" for name in ("ekf", "smoothed", "rest")}
+    expected |= {f"state/altitude_m/{name}" for name in ("barometer", "ekf", "smoothed", "smoothed_2sigma")}
+    expected |= {"state/field/norm_ut", "state/field/dip_deg", "state/step_length_m", "state/step_frequency_hz"}
+    expected |= {"state/still", "state/acc_norm_m_s2", "steps", "events", "summary"}
+    expected |= {f"error_m/{name}" for name in PATHS}
+    assert found == expected
+
+
+def test_every_chunk_is_on_its_timelines_and_none_on_the_wall_clock(walk: WalkResult, tmp_path: Path) -> None:
+    only_time = ("sensors/", "state/still", "state/acc_norm_m_s2")
+    for entity, chunks in record(walk, tmp_path / "walk.rrd").items():
+        for chunk in chunks:
+            expected = {"time"} if entity.startswith(only_time) else EVERYWHERE
+            assert set(chunk.timeline_names) == (set() if chunk.is_static else expected), entity
+
+
+def test_positions_on_all_timelines(walk: WalkResult, tmp_path: Path) -> None:
+    chunks = record(walk, tmp_path / "walk.rrd")["world/smoothed/position"]
+    smoothed = walk.smoothed.trajectory
+    positions = column(chunks, "Points3D:positions")
+    np.testing.assert_allclose(positions[:, :2], smoothed.xy_m, atol=1e-4)
+    assert column(chunks, "step").tolist() == list(range(len(smoothed)))
+    np.testing.assert_allclose(column(chunks, "distance_cm").astype(float), 100.0 * smoothed.distance_m, atol=0.51)
+    t_s = np.array([t.total_seconds() for t in column(chunks, "time")])
+    np.testing.assert_allclose(t_s, smoothed.t_s, atol=1e-6)
+
+
+def test_sensors_keep_every_sample(walk: WalkResult, tmp_path: Path) -> None:
+    chunks = record(walk, tmp_path / "walk.rrd")
+    for name, resolution in (("acc", 1e-3), ("gyro", 3e-4), ("mag", 0.02), ("pressure", 1e-3)):
+        values = column(chunks[f"sensors/{name}"], "Scalars:scalars")
+        np.testing.assert_allclose(values, getattr(walk.log, name).values, atol=resolution)
+
+
+def test_map_is_north_up_and_truth_is_moved_onto_the_walk(walk: WalkResult, tmp_path: Path) -> None:
+    chunks = record(walk, tmp_path / "walk.rrd")
+    scale = column(chunks["map"], "Transform3D:scale", static=True)
+    assert scale.tolist() == [[1.0, -1.0, 1.0]]
+    places = column(chunks["world/truth/path"], "LineStrips3D:strips", static=True).reshape(-1, 3)
+    smoothed = walk.smoothed.trajectory
+    assert walk.truth is not None
+    first = smoothed.at(walk.truth.t_s[:1] - T0_S)[0]
+    np.testing.assert_allclose(places[0], first, atol=1e-4)
+    np.testing.assert_allclose(np.diff(places[:, 1]), np.diff(walk.truth.y_m), atol=1e-4)
+
+
+def test_errors_are_the_scored_ones(walk: WalkResult, tmp_path: Path) -> None:
+    chunks = record(walk, tmp_path / "walk.rrd")
+    assert walk.truth is not None
+    for name in PATHS:
+        error_m = column(chunks[f"error_m/{name}"], "Scalars:scalars")[:, 0]
+        expected = score(walk.trajectories[name], walk.truth, T0_S)
+        assert np.sqrt((error_m**2).mean()) == pytest.approx(expected.rmse_m)
+
+
+def test_equal_walks_give_equal_recordings_and_others_do_not(walk: WalkResult, tmp_path: Path) -> None:
+    first, second, other = tmp_path / "a.rrd", tmp_path / "b.rrd", tmp_path / "c.rrd"
+    log = straight_walk()
+    again = reconstruct(log, load_config(), truth=truth_of(log), closed_walk=True)
+    for result, path in ((walk, first), (again, second), (replace(walk, closed_walk=False), other)):
+        write_recording(result, path, "the same")
+    compared = rrd("compare", first, second)
+    assert compared.returncode == 0, compared.stderr
+    assert rrd("compare", first, other).returncode != 0
+    ids = [RrdReader(path).recordings()[0].recording_id for path in (first, second)]
+    assert ids[0] == ids[1]
+    assert ids[0].startswith("straight-")
+
+
+def test_walk_without_compass_barometer_and_truth(bare_walk: WalkResult, tmp_path: Path) -> None:
+    found = set(record(bare_walk, tmp_path / "bare.rrd"))
+    absent = ("sensors/mag", "sensors/pressure", "state/field", "state/altitude_m", "error_m", "world/truth", "events")
+    assert not [entity for entity in found if entity.startswith(absent)]
+    assert not {"state/yaw_deg/compass", "world/anchors", "world/smoothed/closure"} & found
+    assert {f"world/{name}/path" for name in PATHS} <= found
+
+
+def test_anchors_keep_their_frame_and_the_others_set_out_with_the_smoothed(tmp_path: Path) -> None:
+    log = straight_walk()
+    truth = truth_of(log)
+    result = reconstruct(log, load_config(), truth=truth, anchors=truth.select(slice(0, None, 2)))
+    chunks = record(result, tmp_path / "anchored.rrd")
+    places = column(chunks["map/truth/path"], "LineStrips2D:strips", static=True).reshape(-1, 2)
+    np.testing.assert_allclose(places, truth.xy_m, atol=1e-4)
+    anchors = column(chunks["map/anchors"], "Points2D:positions", static=True).reshape(-1, 2)
+    np.testing.assert_allclose(anchors, truth.xy_m[::2], atol=1e-4)
+    start = column(chunks["map/smoothed/position"], "Points2D:positions")[0]
+    for name in PATHS:
+        np.testing.assert_allclose(column(chunks[f"map/{name}/position"], "Points2D:positions")[0], start, atol=1e-4)
+
+
+def test_headings_are_within_half_a_turn_of_the_smoothed(walk: WalkResult, tmp_path: Path) -> None:
+    pdr = walk.trajectories["pdr"]
+    turned = replace(walk, trajectories={**walk.trajectories, "pdr": replace(pdr, yaw_rad=pdr.yaw_rad + 8.0 * np.pi)})
+    chunks = record(turned, tmp_path / "turned.rrd")
+    yaw_deg = column(chunks["state/yaw_deg/smoothed"], "Scalars:scalars")
+    np.testing.assert_allclose(yaw_deg[:, 0], np.degrees(walk.smoothed.trajectory.yaw_rad))
+    assert np.abs(column(chunks["state/yaw_deg/pdr"], "Scalars:scalars") - yaw_deg).max() < 30.0
+    assert np.abs(column(chunks["state/yaw_deg/compass"], "Scalars:scalars") - 90.0).max() < 30.0
+
+
+def test_truth_of_another_log_is_shown_but_not_scored(walk: WalkResult, tmp_path: Path) -> None:
+    assert walk.truth is not None
+    late = replace(walk.truth, t_s=walk.truth.t_s + 1e6)
+    found = set(record(replace(walk, truth=late), tmp_path / "late.rrd"))
+    assert "world/truth/checkpoints" in found
+    assert not [entity for entity in found if entity.startswith("error_m")]
+
+
+def test_online_estimate_is_shown_where_there_is_one(walk: WalkResult, tmp_path: Path) -> None:
+    more = replace(walk, trajectories={**walk.trajectories, "online": walk.trajectories["ekf"]})
+    found = set(record(more, tmp_path / "online.rrd"))
+    assert {"world/online/path", "map/online/position", "state/yaw_deg/online", "error_m/online"} <= found
+
+
+def test_an_hour_fits(tmp_path: Path) -> None:
+    """40 MB for 360,000 samples of four sensors at full rate, noise and all: from how much 3 minutes more add."""
+    sizes = []
+    for seconds in (60.0, 240.0):
+        write_recording(reconstruct(straight_walk(seconds), load_config()), tmp_path / "long.rrd", "")
+        sizes.append((tmp_path / "long.rrd").stat().st_size)
+    assert (sizes[1] - sizes[0]) * 20 < 40e6
+
+
+def test_file_that_cannot_be_written(walk: WalkResult, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="absent"):
+        write_recording(walk, tmp_path / "absent" / "walk.rrd", "")
+
+
+def test_real_walk(shared_data: Path, tmp_path: Path) -> None:
+    file = read_log(shared_data / "ipin2023" / "TrainingTrial01_repetition03.txt.gz")
+    result = reconstruct(file.log, load_config(), truth=file.truth)
+    path = tmp_path / "real.rrd"
+    found = record(result, path)
+    assert len(RrdReader(path).blueprints()) == 1
+    assert {"error_m/smoothed", "state/altitude_m/smoothed_2sigma", "state/gyro_bias_deg_s/rest"} <= set(found)
+
+
+def test_places_passed_again_share_a_label() -> None:
+    places = np.array(((0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.1, 0.1, 0.2), (5.0, 0.0, 4.0)))
+    where, labels = _grouped(places)
+    assert labels == ["1, 3", "2", "4"]
+    np.testing.assert_array_equal(where, places[[0, 1, 3]])
+    assert _grouped(np.zeros((500, 3)))[1] is None
+
+
+def test_laps_are_taken_off_and_walking_along_the_cut_does_not_flicker() -> None:
+    laps = np.linspace(0.0, 40.0 * np.pi, 5000)
+    assert np.abs(laps - 2.0 * np.pi * _laps(laps)).max() <= 1.5 * np.pi + 0.01
+    west = np.pi + 0.2 * np.sin(np.arange(1000.0))
+    assert not np.diff(_laps(west)).any()
+
+
+def test_frame_holds_the_walk_and_its_legend() -> None:
+    frame = Frame.around(np.array(((0.0, 0.0), (60.0, 20.0))))
+    assert frame.size_m == 60.0
+    assert frame.legend_x_m > 60.0
+    assert frame.scale_bar_m == 10.0
+    tiny = Frame.around(np.zeros((3, 2)))
+    assert tiny.size_m == 4.0
+    assert tiny.scale_bar_m == 0.5
+
+
+def test_every_estimator_has_its_own_colour() -> None:
+    assert len({COLORS[name] for name in ESTIMATORS}) == len(ESTIMATORS)
+    assert set(ESTIMATORS) == set(LABELS)
+
+
+def test_colours_do_not_need_rerun() -> None:
+    code = "import fbgraph.palette, sys; sys.exit('rerun' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
