@@ -229,7 +229,7 @@ class _Pace:
         return self._steps(path, start_s, float(path.s_m[-1]))
 
     def fitted(self, waypoints_m: FloatArray, yaw_rad: float) -> FloatArray:
-        """The waypoints stretched on the plan about the first, by less than a step, so that whole steps lead along them.
+        """The waypoints stretched on the plan, by less than a step, so that whole steps lead along them.
 
         A metronome makes no half steps.
         """

@@ -199,7 +199,10 @@ class StepDetector:
     def _judge(self, at: int, past: _Past) -> list[Peak]:
         """One local maximum above the threshold: the peaks that it confirms, if any."""
         config, rate = self._config, self._rate_hz
-        index = int(past.index[at])
+        # the moving average lags behind; but a step never happened in a gap of the log, or before it
+        window = past.index[max(at - self._delay, 0) : at + 1]
+        holes = np.flatnonzero(np.diff(window) > 1)
+        index = int(window[holes[-1] + 1 if len(holes) else 0])
         previous = self._pending[-1] if self._pending else None
         if previous is not None and index - previous <= config.min_interval_s * rate:
             return []
@@ -218,17 +221,14 @@ class StepDetector:
         if self._walking:
             confirmed = self._pending[-2:]
             self._pending = confirmed
-            return [Peak(confirmed[1] - self._delay, confirmed[0] - self._delay, first=False)]
+            return [Peak(confirmed[1], confirmed[0], first=False)]
         if len(self._pending) < config.min_run:
             return []
         self._walking = True
         # the first step of a run began about one step duration before its peak
         starts = [2 * self._pending[0] - self._pending[1], *self._pending]
         self._pending, run = self._pending[-2:], self._pending
-        return [
-            Peak(end - self._delay, start - self._delay, first=start == starts[0])
-            for start, end in zip(starts, run, strict=False)
-        ]
+        return [Peak(end, start, first=start == starts[0]) for start, end in zip(starts, run, strict=False)]
 
     def _handled(self, at: int, since: int, past: _Past) -> bool:
         """Whether the device is being shaken or spun rather than carried."""
@@ -303,7 +303,6 @@ class StepGauge:
         signals = self._signals
         assert signals is not None  # push comes before measure
         lo, hi = np.searchsorted(signals.index, (peak.start_index + 1, peak.index + 1))
-        hi = max(hi, 1)  # a log can begin in the middle of a step
         lo = min(lo, hi - 1)
         yaw_gyro = signals.yaw_gyro_rad[lo:hi]
         yaw_gyro_rad = float(yaw_gyro.mean())
