@@ -179,8 +179,10 @@ def _log_places(rrd: RrdWriter, result: WalkResult, legend: dict[str, str]) -> F
     seen = []
     if result.truth is not None and len(result.truth):
         places = _truth_places(result)
-        rrd.lines("truth/path", [places], COLORS["truth"], 1.0)
-        rrd.points("truth/checkpoints", *_grouped(places), COLORS["truth"], 5.0)
+        dense = len(places) > _MOST_LABELS  # a track rather than checkpoints
+        rrd.lines("truth/path", [places], COLORS["truth"], 2.0 if dense else 1.0)
+        if not dense:
+            rrd.points("truth/checkpoints", *_grouped(places), COLORS["truth"], 5.0)
         seen.append(places)
     for name, trajectory in _ordered(result):
         path = _xyz(trajectory)
