@@ -172,7 +172,20 @@ class SolverConfig(Section):
     """Levenberg-Marquardt."""
 
     max_iterations: Annotated[int, Field(ge=1)] = 100
-    relative_error: Positive = 1e-7
+    relative_error: Positive = 1e-12
+
+
+class OnlineConfig(Section):
+    """iSAM2."""
+
+    window_steps: Annotated[int, Field(ge=10)] = 400
+    """Breadcrumbs that later steps may still move; the tree holds up to twice as many."""
+    relinearize_yaw_rad: Positive = 0.05
+    """A breadcrumb whose yaw has moved further is linearised anew."""
+    relinearize_skip: Annotated[int, Field(ge=1)] = 5
+    """Look for such breadcrumbs every so many steps."""
+    wildfire: Positive = 0.003
+    """Changes below this (rad, m) are not passed on to older breadcrumbs until somebody asks for them."""
 
 
 class Config(Section):
@@ -185,6 +198,7 @@ class Config(Section):
     ekf: EkfConfig = EkfConfig()
     graph: GraphConfig = GraphConfig()
     solver: SolverConfig = SolverConfig()
+    online: OnlineConfig = OnlineConfig()
 
 
 def preset_folder() -> Traversable:

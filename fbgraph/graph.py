@@ -35,8 +35,9 @@ from fbgraph.steps import Step
 Graph = Any  # gtsam.NonlinearFactorGraph; the wheel's stubs are incomplete
 Values = Any  # gtsam.Values
 
-_FREE = 1e4  # a standard deviation that says nothing
-_FIXED = 1e-3  # metres; the origin
+_FREE_RAD = 100.0  # a standard deviation that says nothing, yet keeps the system well conditioned
+_FREE_M = 1000.0
+_FIXED = 1e-3  # metres and radians; the origin
 _FIELD_MEMORY = 30  # steps over which the field's usual strength and dip are judged
 
 
@@ -62,15 +63,19 @@ class GraphBuilder:
     It keeps only what a step's factors need from the steps before: the last step and the field's recent usual.
     """
 
-    def __init__(self, config: GraphConfig, free_origin: bool = False, aided: bool = False) -> None:
+    def __init__(
+        self, config: GraphConfig, compass: bool = True, free_origin: bool = False, aided: bool = False
+    ) -> None:
         """A builder for one walk.
 
         Args:
             config: weights.
+            compass: whether the first step has one; else the first direction is the reference of all others.
             free_origin: places are known in a frame of their own, so the first breadcrumb is not its origin.
             aided: places are known: let the steps stretch by the error they share, as no node carries it.
         """
         self._config = config
+        self._compass = compass
         self._free_origin = free_origin
         shared = config.sigma_length_scale * math.sqrt(config.aided_length_steps) if aided else 0.0
         self._sigma_length_rel = math.hypot(config.sigma_length_rel, shared)
@@ -79,7 +84,6 @@ class GraphBuilder:
         self._norms: deque[float] = deque(maxlen=_FIELD_MEMORY)
         self._dips: deque[float] = deque(maxlen=_FIELD_MEMORY)
         self._altitude_0 = math.nan
-        self._compass_seen = False
         self._huber = gtsam.noiseModel.mEstimator.Huber
 
     def add(self, step: Step, node: Node, previous_node: Node | None, graph: Graph, values: Values) -> None:
@@ -106,12 +110,12 @@ class GraphBuilder:
         self._previous = step
 
     def _add_start(self, node: Node, graph: Graph) -> None:
-        sigma = _FREE if self._free_origin else _FIXED
+        sigma = _FREE_M if self._free_origin else _FIXED
         graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), _sigmas(sigma, sigma)))
         graph.push_back(gtsam.PriorFactorDouble(Z(0), 0.0, _sigmas(_FIXED)))
         graph.push_back(gtsam.PriorFactorDouble(B(0), 0.0, _sigmas(self._config.sigma_bias_rad_s)))
-        # without a compass the first direction is the reference; with one this says nothing
-        graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), _sigmas(math.pi)))
+        sigma = _FREE_RAD if self._compass or self._free_origin else _FIXED
+        graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), _sigmas(sigma)))
 
     def _add_length(self, k: int, step: Step, previous: Step, graph: Graph) -> None:
         config = self._config
@@ -121,7 +125,7 @@ class GraphBuilder:
             along = across = config.sigma_gap_m_s * (step.t_s - previous.t_s)
         graph.push_back(
             gtsam.BetweenFactorPose2(
-                X(k), X(k - 1), gtsam.Pose2(-step.length_m, 0.0, 0.0), _sigmas(along, across, _FREE)
+                X(k), X(k - 1), gtsam.Pose2(-step.length_m, 0.0, 0.0), _sigmas(along, across, _FREE_RAD)
             )
         )
 
@@ -205,10 +209,14 @@ def anchor_factors(
     factors = []
     for at_s, x_m, y_m, sigma_m in zip(anchors.t_s - t0_s, anchors.x_m, anchors.y_m, anchors.sigma_m, strict=True):
         k = int(np.argmin(np.abs(t_s - at_s)))
-        sigma = config.sigma_anchor_m if math.isnan(sigma_m) else sigma_m
-        between = 0.5 * float(length_m[k]) if k > 0 else 0.0
-        factors.append(anchor_factor(k, float(x_m), float(y_m), math.hypot(sigma, between)))
+        sigma = anchor_sigma(float(sigma_m), float(length_m[k]) if k > 0 else 0.0, config)
+        factors.append(anchor_factor(k, float(x_m), float(y_m), sigma))
     return factors
+
+
+def anchor_sigma(sigma_m: float, length_m: float, config: GraphConfig) -> float:
+    """Standard deviation of an anchor at the breadcrumb nearest in time, which may be half a step away."""
+    return math.hypot(config.sigma_anchor_m if math.isnan(sigma_m) else sigma_m, 0.5 * length_m)
 
 
 def closed_walk_factor(last: int, config: GraphConfig) -> Any:

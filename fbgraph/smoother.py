@@ -61,7 +61,7 @@ def smooth(
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(solver_config.max_iterations)
     params.setRelativeErrorTol(solver_config.relative_error)
-    params.setAbsoluteErrorTol(1e-9)
+    params.setAbsoluteErrorTol(1e-12)
     try:
         optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
         error_initial = optimizer.error()
@@ -74,7 +74,7 @@ def smooth(
         raise EstimationError("the smoother diverged: its error is not finite")
     anchored = anchors is not None and len(anchors) > 1
     return Smoothed(
-        trajectory=_trajectory(track, result, marginals, graph_config, anchored),
+        trajectory=trajectory_of(track, result, marginals, graph_config, anchored),
         iterations=optimizer.iterations(),
         error_initial=error_initial,
         error_final=error_final,
@@ -92,7 +92,12 @@ def build(
 ) -> tuple[Graph, Values]:
     """The graph of a whole walk and the first values of its nodes; arguments as in ``smooth``."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    builder = GraphBuilder(config, free_origin=anchors is not None, aided=anchors is not None or closed_walk)
+    builder = GraphBuilder(
+        config,
+        compass=bool(np.isfinite(track.yaw_mag_rad[1])),
+        free_origin=anchors is not None,
+        aided=anchors is not None or closed_walk,
+    )
     columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))
     previous = None
     for step, row in zip(track.steps, columns.tolist(), strict=True):
@@ -106,7 +111,10 @@ def build(
     return graph, values
 
 
-def _trajectory(track: StepTrack, result: Values, marginals: object, config: GraphConfig, anchored: bool) -> Trajectory:
+def trajectory_of(
+    track: StepTrack, result: Values, marginals: object, config: GraphConfig, anchored: bool
+) -> Trajectory:
+    """The breadcrumbs of a solved graph; ``anchored`` says that the walk's own scale and turn are known."""
     count = len(track)
     poses = gtsam.utilities.extractPose2(result)
     z_m = np.array([result.atDouble(Z(k)) for k in range(count)])

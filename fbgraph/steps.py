@@ -396,10 +396,11 @@ class _Rests:
                 self._yaw_mag = np.concatenate((self._yaw_mag, signals.yaw_mag_rad[lo:hi]))[-self._limit :]
             else:
                 self._close(int(signals.index[lo]))
+                # (at the log's start it takes a while until the window can tell)
+                self._moved |= bool(signals.index[hi - 1] > 2 * self._rate_hz)
 
     def _close(self, index: int) -> None:
         if len(self._t_s) == 0:
-            self._moved |= index > 2 * self._rate_hz  # the window takes a while to fill at the log's start
             return
         # the window calls a rest over only after the first movement; and after walking the tilt, and with it the
         # compass, takes a while to settle: leave both out

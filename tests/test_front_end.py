@@ -28,7 +28,7 @@ def same(a: StepTrack, b: StepTrack) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in Step.__slots__)
 
 
-@pytest.mark.parametrize("name", LOGS)
+@pytest.mark.parametrize("name", [*LOGS, "ipin2023/TrainingTrial24_repetition04.txt.gz"])
 def test_any_chunks_give_identical_steps(shared_data: Path, name: str) -> None:
     log = read_log(shared_data / name).log
     whole, _ = detect_steps(log, Config())

@@ -1,0 +1,315 @@
+"""The trajectory while walking: the same steps and the same graph as the smoother's, solved by iSAM2 as they arrive.
+
+iSAM2 (Kaess et al., IJRR 2012) keeps a Bayes tree whose every update costs time in its size, so a tree of a day's walk
+would be slow. It is kept to a window: when it has grown to twice ``online.window_steps``, the older half is eliminated
+into one prior on the breadcrumb where the newer half begins (exact, to first order), and its breadcrumbs stay as
+they were then. ``finish`` puts all factors of the walk into one iSAM2 again and relinearises until nothing moves: the
+batch smoother's answer.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import B, X, Z
+
+from fbgraph.checkpoints import Checkpoints
+from fbgraph.config import Config
+from fbgraph.errors import DataError, EstimationError
+from fbgraph.geometry import wrap_scalar
+from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factor, anchor_sigma, closed_walk_factor
+from fbgraph.log import SensorLog
+from fbgraph.smoother import Smoothed, trajectory_of
+from fbgraph.steps import FrontEnd, Step, StepTrack
+from fbgraph.trajectory import Trajectory
+
+_KEEP = 1e6  # a relinearisation threshold that is never reached: positions and biases are linear given yaw
+
+_ANCHORED_M = 0.5  # but how far a robust anchor is believed depends on the place
+
+
+@dataclass(frozen=True, slots=True)
+class Update:
+    """The estimate at the moment of a step, from what was known by then.
+
+    Attributes:
+        k: index of the breadcrumb; 0 is the standing start.
+        t_s: time of the step, seconds since log start.
+        x_m, y_m, z_m, yaw_rad, gyro_bias_rad_s: its state.
+        distance_m: walked so far.
+    """
+
+    k: int
+    t_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+    gyro_bias_rad_s: float
+    distance_m: float
+
+
+class OnlineSmoother:
+    """Samples in, updates out.
+
+    Example:
+        >>> smoother = OnlineSmoother(load_config("m5stickc"))
+        >>> for piece in pieces:                     # SensorLogs in order of time, any length
+        ...     for update in smoother.feed(piece):
+        ...         print(update.t_s, update.x_m, update.y_m)
+        >>> walk = smoother.finish().trajectory      # everything, smoothed
+    """
+
+    def __init__(
+        self, config: Config, anchors: Checkpoints | None = None, t0_s: float = 0.0, closed_walk: bool = False
+    ) -> None:
+        """A smoother for one walk.
+
+        Args:
+            config: the effective configuration.
+            anchors: known places, each used once the walk has passed its time; the result is in their frame.
+            t0_s: brings the samples' times to the anchors' clock.
+            closed_walk: ``finish`` may assume that the walk ended where it began.
+        """
+        self._config = config
+        self._front_end = FrontEnd(config)
+        self._anchors = anchors
+        self._t0_s = t0_s
+        self._first_compass_rad = math.nan
+        self._closed_walk = closed_walk
+        self._builder: GraphBuilder | None = None  # made with the first steps
+        self._next_anchor = 0
+        self._steps: list[Step] = []
+        self._updates: list[Update] = []
+        self._nodes: list[Node] = []  # of each breadcrumb: while in the window a guess, after it for good
+        self._extra: list[tuple[int, object]] = []  # anchors by breadcrumb
+        self._window: list[Graph] = []  # the factors that came with each breadcrumb of the window
+        self._first = 0  # breadcrumb where the window begins
+        self._isam = gtsam.ISAM2(_isam_params(config, anchors is not None))
+
+    def feed(self, samples: SensorLog) -> list[Update]:
+        """Take the next samples and return the estimate at each step that they complete.
+
+        Args:
+            samples: later than all before; any stream may be empty.
+
+        Raises:
+            EstimationError: the solver failed.
+        """
+        return self._advance(self._front_end.feed(samples)[0])
+
+    def estimate(self) -> Trajectory:
+        """All breadcrumbs as known now: the window smoothed, older ones as they were when they left it.
+
+        Raises:
+            DataError: no step yet.
+        """
+        self._require_steps()
+        self._refresh()
+        columns = np.array([(n.x_m, n.y_m, n.z_m, n.yaw_rad, n.bias_rad_s) for n in self._nodes]).T
+        return Trajectory(np.array([s.t_s for s in self._steps]), *columns)
+
+    @property
+    def track(self) -> StepTrack:
+        """The steps so far."""
+        return StepTrack.of(self._steps)
+
+    @property
+    def causal(self) -> Trajectory:
+        """Each breadcrumb as it was estimated at the moment of its step: ``online.tum``."""
+        self._require_steps()
+        rows = [(u.t_s, u.x_m, u.y_m, u.z_m, u.yaw_rad, u.gyro_bias_rad_s) for u in self._updates]
+        return Trajectory(*np.array(rows).T)
+
+    def finish(self) -> Smoothed:
+        """Take what was held back, then smooth the whole walk.
+
+        Raises:
+            DataError: no step in the samples.
+            EstimationError: the solver failed.
+        """
+        self._advance(self._front_end.finish()[0])
+        self._require_steps()
+        self._refresh()
+        self._take_anchors(math.inf)
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        builder = self._new_builder(self._steps[1])
+        previous: Node | None = None
+        for step, node in zip(self._steps, self._nodes, strict=True):
+            builder.add(step, node, previous, graph, values)
+            previous = node
+        for _, factor in self._extra:
+            graph.push_back(factor)
+        if self._closed_walk:
+            graph.push_back(closed_walk_factor(len(self._steps) - 1, self._config.graph))
+        error_initial = graph.error(values)
+        params = _isam_params(self._config, self._anchors is not None)
+        params.setRelinearizeThreshold(0.0)
+        params.relinearizeSkip = 1
+        isam = gtsam.ISAM2(params)
+        iterations = 0
+        try:
+            isam.update(graph, values)
+            for iterations in range(1, self._config.solver.max_iterations + 1):
+                before = isam.calculateBestEstimate()
+                isam.update()
+                moved = before.localCoordinates(isam.calculateBestEstimate())
+                if max((abs(moved.at(key)).max() for key in before.keys()), default=0.0) < 1e-5:  # noqa: SIM118
+                    break
+            result = isam.calculateBestEstimate()
+            marginals = gtsam.Marginals(graph, result)
+        except RuntimeError as error:
+            raise EstimationError(f"iSAM2 failed at the end: {str(error).strip().splitlines()[0]}") from error
+        anchored = self._anchors is not None and len(self._anchors) > 1
+        return Smoothed(
+            trajectory=trajectory_of(self.track, result, marginals, self._config.graph, anchored),
+            iterations=iterations,
+            error_initial=error_initial,
+            error_final=graph.error(result),
+            factors=graph.size(),
+        )
+
+    def _new_builder(self, first: Step) -> GraphBuilder:
+        anchored = self._anchors is not None
+        return GraphBuilder(
+            self._config.graph,
+            compass=math.isfinite(first.yaw_mag_rad),
+            free_origin=anchored,
+            aided=anchored or self._closed_walk,
+        )
+
+    def _require_steps(self) -> None:
+        if not self._steps:
+            raise DataError("no step found: nobody walks in these samples")
+
+    def _advance(self, steps: list[Step]) -> list[Update]:
+        if steps and self._builder is None:
+            self._builder = self._new_builder(steps[1])  # a walk begins with its start and several steps at once
+            self._first_compass_rad = steps[1].yaw_mag_rad
+        return [self._add(step) for step in steps]
+
+    def _add(self, step: Step) -> Update:
+        """One breadcrumb more: seeded from iSAM2's latest estimate, solved, and read out."""
+        assert self._builder is not None  # made before the first step is added
+        k = len(self._steps)
+        previous = self._nodes[-1] if k else None
+        node = self._seed(step, previous)
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        self._builder.add(step, node, previous, graph, values)
+        self._steps.append(step)
+        self._nodes.append(node)
+        for factor in self._take_anchors(step.t_s):
+            graph.push_back(factor)
+        self._window.append(graph)
+        try:
+            self._isam.update(graph, values)
+            node = self._node(k, node.yaw_rad)
+        except RuntimeError as error:
+            raise EstimationError(f"iSAM2 failed at step {k}: {str(error).strip().splitlines()[0]}") from error
+        self._nodes[k] = node
+        walked = self._updates[-1].distance_m if self._updates else 0.0
+        update = Update(
+            k, step.t_s, node.x_m, node.y_m, node.z_m, node.yaw_rad, node.bias_rad_s, walked + step.length_m
+        )
+        self._updates.append(update)
+        if len(self._window) >= 2 * self._config.online.window_steps:
+            self._shorten_window()
+        return update
+
+    def _seed(self, step: Step, previous: Node | None) -> Node:
+        if previous is None:
+            compass = self._first_compass_rad
+            return Node(0.0, 0.0, 0.0, compass if math.isfinite(compass) else 0.0, 0.0)
+        before = self._steps[-1]
+        turned = step.yaw_gyro_rad - before.yaw_gyro_rad - previous.bias_rad_s * (step.yaw_s - before.yaw_s)
+        if not step.chained and math.isfinite(step.yaw_mag_rad):
+            turned = wrap_scalar(step.yaw_mag_rad - previous.yaw_rad)
+        yaw = previous.yaw_rad + turned
+        x_m = previous.x_m + step.length_m * math.cos(yaw)
+        y_m = previous.y_m + step.length_m * math.sin(yaw)
+        return Node(x_m, y_m, previous.z_m, yaw, previous.bias_rad_s)
+
+    def _take_anchors(self, now_s: float) -> list[object]:
+        """Factors of the anchors whose time has come, at the breadcrumb nearest in time as in the batch graph."""
+        factors: list[object] = []
+        anchors = self._anchors
+        while anchors is not None and self._next_anchor < len(anchors):
+            at_s = anchors.t_s[self._next_anchor] - self._t0_s
+            if at_s > now_s:
+                break
+            k = len(self._steps) - 1
+            if k > 0 and abs(self._steps[k - 1].t_s - at_s) <= abs(self._steps[k].t_s - at_s):
+                k -= 1
+            x_m, y_m = anchors.x_m[self._next_anchor], anchors.y_m[self._next_anchor]
+            length_m = self._steps[k].length_m if k else 0.0
+            sigma = anchor_sigma(anchors.sigma_m[self._next_anchor], length_m, self._config.graph)
+            factor = anchor_factor(k, float(x_m), float(y_m), sigma)
+            factors.append(factor)
+            self._extra.append((k, factor))
+            self._next_anchor += 1
+        return factors
+
+    def _node(self, k: int, near_yaw_rad: float) -> Node:
+        """iSAM2's estimate of a breadcrumb, its yaw unwrapped to lie near the one given."""
+        pose = self._isam.calculateEstimatePose2(X(k))
+        yaw = near_yaw_rad + wrap_scalar(pose.theta() - near_yaw_rad)
+        z_m, bias = self._isam.calculateEstimateDouble(Z(k)), self._isam.calculateEstimateDouble(B(k))
+        return Node(pose.x(), pose.y(), z_m, yaw, bias)
+
+    def _refresh(self) -> None:
+        """Read the whole window out of iSAM2."""
+        result = self._isam.calculateBestEstimate()
+        for k in range(self._first, len(self._steps)):
+            pose, near = result.atPose2(X(k)), self._nodes[k].yaw_rad
+            yaw = near + wrap_scalar(pose.theta() - near)
+            self._nodes[k] = Node(pose.x(), pose.y(), result.atDouble(Z(k)), yaw, result.atDouble(B(k)))
+
+    def _shorten_window(self) -> None:
+        """Eliminate the older half of the window into a prior on the breadcrumb where the newer half begins."""
+        self._refresh()
+        join = len(self._steps) - self._config.online.window_steps
+        result = self._isam.calculateBestEstimate()
+        older = gtsam.NonlinearFactorGraph()
+        split = join - self._first + 1  # factors that come with the join itself look back from it
+        for graph in self._window[:split]:
+            older.push_back(graph)
+        gone = gtsam.Ordering()
+        for k in range(self._first, join):
+            for key in (X(k), Z(k), B(k)):
+                gone.push_back(key)
+        _, remaining = older.linearize(result).eliminatePartialSequential(gone)
+        prior = gtsam.NonlinearFactorGraph()
+        for i in range(remaining.size()):
+            prior.push_back(gtsam.LinearContainerFactor(remaining.at(i), result))
+        window = [prior, *self._window[split:]]
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        for part in window:
+            graph.push_back(part)
+        for k in range(join, len(self._steps)):
+            values.insert(X(k), result.atPose2(X(k)))
+            values.insert(Z(k), result.atDouble(Z(k)))
+            values.insert(B(k), result.atDouble(B(k)))
+        self._isam = gtsam.ISAM2(_isam_params(self._config, self._anchors is not None))
+        self._isam.update(graph, values)
+        self._window, self._first = window, join
+
+
+def _isam_params(config: Config, free_origin: bool) -> gtsam.ISAM2Params:
+    """Relinearise on yaw alone: positions and biases are linear given yaw."""
+    params = gtsam.ISAM2Params()
+    if free_origin:  # until its first anchor the walk hangs on a thread that Cholesky cannot see
+        params.setFactorization("QR")
+    gauss_newton = gtsam.ISAM2GaussNewtonParams()
+    gauss_newton.setWildfireThreshold(config.online.wildfire)
+    params.setOptimizationParams(gauss_newton)
+    thresholds = gtsam.ISAM2ThresholdMap()
+    place = _ANCHORED_M if free_origin else _KEEP
+    thresholds.insert(("x", np.array([place, place, config.online.relinearize_yaw_rad])))
+    thresholds.insert(("z", np.array([_KEEP])))
+    thresholds.insert(("b", np.array([_KEEP])))
+    params.setRelinearizeThreshold(thresholds)
+    params.relinearizeSkip = config.online.relinearize_skip
+    return params
