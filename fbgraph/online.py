@@ -22,12 +22,13 @@ from fbgraph.errors import DataError, EstimationError
 from fbgraph.geometry import wrap_scalar
 from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factor, anchor_sigma, closed_walk_factor
 from fbgraph.log import SensorLog
-from fbgraph.smoother import Smoothed, trajectory_of
+from fbgraph.smoother import Smoothed, on_deep_stack, trajectory_of
 from fbgraph.steps import FrontEnd, Step, StepTrack
 from fbgraph.trajectory import Trajectory
 
 _KEEP = 1e6  # a relinearisation threshold that is never reached: positions and biases are linear given yaw
 
+_SETTLED = 1e-4  # metres and radians; what moves less has converged
 _ANCHORED_M = 0.5  # but how far a robust anchor is believed depends on the place
 
 
@@ -146,21 +147,8 @@ class OnlineSmoother:
         if self._closed_walk:
             graph.push_back(closed_walk_factor(len(self._steps) - 1, self._config.graph))
         error_initial = graph.error(values)
-        params = _isam_params(self._config, self._anchors is not None)
-        params.setRelinearizeThreshold(0.0)
-        params.relinearizeSkip = 1
-        isam = gtsam.ISAM2(params)
-        iterations = 0
         try:
-            isam.update(graph, values)
-            for iterations in range(1, self._config.solver.max_iterations + 1):
-                before = isam.calculateBestEstimate()
-                isam.update()
-                moved = before.localCoordinates(isam.calculateBestEstimate())
-                if max((abs(moved.at(key)).max() for key in before.keys()), default=0.0) < 1e-5:  # noqa: SIM118
-                    break
-            result = isam.calculateBestEstimate()
-            marginals = gtsam.Marginals(graph, result)
+            result, marginals, iterations = on_deep_stack(lambda: self._solve_whole(graph, values), len(self._steps))
         except RuntimeError as error:
             raise EstimationError(f"iSAM2 failed at the end: {str(error).strip().splitlines()[0]}") from error
         anchored = self._anchors is not None and len(self._anchors) > 1
@@ -171,6 +159,21 @@ class OnlineSmoother:
             error_final=graph.error(result),
             factors=graph.size(),
         )
+
+    def _solve_whole(self, graph: Graph, values: Values) -> tuple[Values, object, int]:
+        """All factors in one iSAM2, relinearised until nothing moves."""
+        params = _isam_params(self._config, self._anchors is not None)
+        params.setRelinearizeThreshold(0.0)
+        params.relinearizeSkip = 1
+        isam = gtsam.ISAM2(params)
+        isam.update(graph, values)
+        result = isam.calculateBestEstimate()
+        for iteration in range(1, self._config.solver.max_iterations + 1):
+            isam.update()
+            before, result = result, isam.calculateBestEstimate()
+            if np.abs(before.localCoordinates(result).vector()).max() < _SETTLED:
+                break
+        return result, gtsam.Marginals(graph, result), iteration
 
     def _new_builder(self, first: Step) -> GraphBuilder:
         anchored = self._anchors is not None

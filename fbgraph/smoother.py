@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import gtsam
 import numpy as np
@@ -15,6 +19,9 @@ from fbgraph.geometry import FloatArray
 from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factors, closed_walk_factor
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
+
+Solved = TypeVar("Solved")
+_STACK_MIN, _STACK_PER_BREADCRUMB, _STACK_MAX = 64 << 20, 4096, 1 << 30
 
 
 @dataclass(frozen=True)
@@ -62,11 +69,15 @@ def smooth(
     params.setMaxIterations(solver_config.max_iterations)
     params.setRelativeErrorTol(solver_config.relative_error)
     params.setAbsoluteErrorTol(1e-12)
-    try:
-        optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
-        error_initial = optimizer.error()
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
+    error_initial = optimizer.error()
+
+    def solve() -> tuple[Values, object]:
         result = optimizer.optimize()
-        marginals = gtsam.Marginals(graph, result)
+        return result, gtsam.Marginals(graph, result)
+
+    try:
+        result, marginals = on_deep_stack(solve, len(track))
     except RuntimeError as error:
         raise EstimationError(f"the smoother failed: {str(error).strip().splitlines()[0]}") from error
     error_final = optimizer.error()
@@ -80,6 +91,19 @@ def smooth(
         error_final=error_final,
         factors=graph.size(),
     )
+
+
+def on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
+    """Run a solver where its recursion has room: GTSAM eliminates a chain as deep as it is long.
+
+    Eight mebibytes, a usual stack, overflow at some 100,000 breadcrumbs, which ends the whole process.
+    """
+    before = threading.stack_size(min(_STACK_MIN + breadcrumbs * _STACK_PER_BREADCRUMB, _STACK_MAX))
+    try:
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            return pool.submit(solve).result()
+    finally:
+        threading.stack_size(before)
 
 
 def build(
