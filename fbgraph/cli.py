@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fbgraph import __version__
-from fbgraph.errors import FbgraphError
+from fbgraph.errors import ConfigError, FbgraphError
 
 if TYPE_CHECKING:
+    from fbgraph.online import Update
     from fbgraph.pipeline import Progress
 
 app = typer.Typer(
@@ -35,6 +37,19 @@ ConfigOption = Annotated[
 SetOption = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one configuration key; repeatable.")
 ]
+FormatOption = Annotated[
+    str | None, typer.Option("--format", metavar="NAME", help="Log format; found by content if absent.")
+]
+TruthOption = Annotated[
+    Path | None,
+    typer.Option("--truth", metavar="CSV", help="Known places, for scoring only: t_s,x_m,y_m[,z_m][,floor]."),
+]
+AnchorsOption = Annotated[
+    Path | None,
+    typer.Option("--anchors", metavar="CSV", help="Known places for the smoother: t_s,x_m,y_m[,z_m][,sigma_m]."),
+]
+ClosedLoopOption = Annotated[bool, typer.Option("--closed-loop", help="The walk ends where it began.")]
+NoRecordingOption = Annotated[bool, typer.Option("--no-recording", help="Write no recording.rrd.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 
@@ -81,19 +96,11 @@ def smooth(
     ] = None,
     config: ConfigOption = None,
     set_: SetOption = None,
-    format_: Annotated[
-        str | None, typer.Option("--format", metavar="NAME", help="Log format; found by content if absent.")
-    ] = None,
-    truth: Annotated[
-        Path | None,
-        typer.Option("--truth", metavar="CSV", help="Known places, for scoring only: t_s,x_m,y_m[,z_m][,floor]."),
-    ] = None,
-    anchors: Annotated[
-        Path | None,
-        typer.Option("--anchors", metavar="CSV", help="Known places for the smoother: t_s,x_m,y_m[,z_m][,sigma_m]."),
-    ] = None,
-    closed_loop: Annotated[bool, typer.Option("--closed-loop", help="The walk ends where it began.")] = False,
-    no_recording: Annotated[bool, typer.Option("--no-recording", help="Write no recording.rrd.")] = False,
+    format_: FormatOption = None,
+    truth: TruthOption = None,
+    anchors: AnchorsOption = None,
+    closed_loop: ClosedLoopOption = False,
+    no_recording: NoRecordingOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps."""
@@ -117,6 +124,138 @@ def smooth(
     else:
         _print_summary(summary)
         print(f"written to {folder}")
+
+
+@app.command()
+def online(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="[LOG]", help="A log to replay; none with --source.", show_default=False)
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Run folder.")] = None,
+    source: Annotated[
+        str | None,
+        typer.Option(metavar="SOURCE", help="Live: stdin, serial:PORT[@BAUD], udp://[HOST]:PORT, tcp://[HOST]:PORT."),
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Go on with an interrupted live walk (with --source).")
+    ] = None,
+    speed: Annotated[str, typer.Option(metavar="real|max|FACTOR", help="How fast to replay.")] = "max",
+    chunk: Annotated[float, typer.Option(metavar="SECONDS", min=0.001, help="Replay in pieces this long.")] = 0.1,
+    follow: Annotated[bool, typer.Option("--follow", help="Print a line at each step.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Show the walk in a live Rerun viewer.")] = False,
+    connect: Annotated[
+        str | None, typer.Option(metavar="URL", help="A running Rerun viewer for --view (rerun+http://…/proxy).")
+    ] = None,
+    config: ConfigOption = None,
+    set_: SetOption = None,
+    format_: FormatOption = None,
+    truth: TruthOption = None,
+    anchors: AnchorsOption = None,
+    closed_loop: ClosedLoopOption = False,
+    no_recording: NoRecordingOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """The trajectory while walking: replay a log, or follow a live device. Ctrl-C ends the walk, not the data."""
+    from fbgraph import session
+    from fbgraph.checkpoints import read_checkpoints
+    from fbgraph.config import load_config
+    from fbgraph.readers import preset, read_log
+    from fbgraph.sources import open_source
+
+    if (log is None) == (source is None):
+        raise ConfigError("name either a LOG to replay or a --source to follow")
+    folder = resume or out
+    if folder is None:
+        if log is None:
+            raise ConfigError("--out DIR says where the walk is kept")
+        folder = Path("runs") / log.name.removesuffix(".gz").rpartition(".")[0]
+    show = _update_printer(follow, as_json)
+    if view or connect:
+        from fbgraph.live_view import LiveView
+
+        shown, viewer = show, LiveView(connect)
+
+        def show(update: Update) -> None:
+            shown(update)
+            viewer.show(update)
+
+    known = None if truth is None else read_checkpoints(truth)
+    stopping = _stop_on_signals()
+    if log is not None:
+        log_file = read_log(log, format_)
+        summary = session.replay(
+            log_file.log,
+            folder,
+            load_config(config or preset(log_file.log.format), set_ or ()),
+            chunk_s=chunk,
+            speed=_speed(speed),
+            on_update=show,
+            stop=stopping,
+            truth=known or log_file.truth,
+            anchors=None if anchors is None else read_checkpoints(anchors),
+            closed_walk=closed_loop,
+            recording=not no_recording,
+        )
+    else:
+        assert source is not None
+        effective = session.resumed_config(folder) if resume else load_config(config or "m5stickc", set_ or ())
+        summary = session.live(
+            open_source(source, stopping),
+            folder,
+            effective,
+            on_update=show,
+            resume=resume is not None,
+            truth=known,
+            recording=not no_recording,
+        )
+    if as_json:
+        print(json.dumps({"out": str(folder), **summary}))
+    else:
+        _print_summary(summary)
+        print(f"written to {folder}")
+
+
+def _speed(text: str) -> float:
+    if text in ("real", "max"):
+        return 1.0 if text == "real" else float("inf")
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not factor > 0:
+        raise ConfigError(f"--speed {text}: expected real, max or a positive factor")
+    return factor
+
+
+def _stop_on_signals() -> Callable[[], bool]:
+    """Whether SIGINT or SIGTERM came; a second one ends at once."""
+    import signal
+
+    came: list[int] = []
+
+    def note(number: int, _frame: object) -> None:
+        came.append(number)
+        signal.signal(number, signal.SIG_DFL)
+
+    signal.signal(signal.SIGINT, note)
+    signal.signal(signal.SIGTERM, note)
+    return lambda: bool(came)
+
+
+def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
+    def show(update: Update) -> None:
+        if as_json:
+            print(json.dumps(asdict(update)), flush=True)
+        elif follow:
+            from fbgraph.geometry import heading_deg
+
+            print(
+                f"{update.t_s:8.2f} s  step {update.k:5d}  x {update.x_m:8.2f}  y {update.y_m:8.2f}  "
+                f"z {update.z_m:6.2f} m  heading {heading_deg(update.yaw_rad):3.0f}°  {update.distance_m:7.1f} m",
+                flush=True,
+            )
+
+    return show
 
 
 @app.command()

@@ -38,10 +38,7 @@ def run_folder(out: Path) -> Iterator[Path]:
     Raises:
         ConfigError: ``out`` is a file or a folder that is not a run, or its parent cannot be written.
     """
-    if out.exists():
-        foreign = not out.is_dir() or {entry.name for entry in out.iterdir()} - _RUN_FILES
-        if foreign:
-            raise ConfigError(f"--out {out}: exists and is not a run folder; name another, or remove it")
+    check_run_folder(out)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
@@ -55,6 +52,16 @@ def run_folder(out: Path) -> Iterator[Path]:
         partial.rename(out)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def check_run_folder(out: Path) -> None:
+    """Refuse a place that holds anything but an earlier run.
+
+    Raises:
+        ConfigError: ``out`` is a file, or a folder with files that no run wrote.
+    """
+    if out.exists() and (not out.is_dir() or {entry.name for entry in out.iterdir()} - _RUN_FILES):
+        raise ConfigError(f"--out {out}: exists and is not a run folder; name another, or remove it")
 
 
 def write_tables(result: WalkResult, folder: Path) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -86,7 +87,7 @@ class OnlineSmoother:
         self._steps: list[Step] = []
         self._updates: list[Update] = []
         self._nodes: list[Node] = []  # of each breadcrumb: while in the window a guess, after it for good
-        self._extra: list[tuple[int, object]] = []  # anchors by breadcrumb
+        self._extra: list[Any] = []  # anchor factors
         self._window: list[Graph] = []  # the factors that came with each breadcrumb of the window
         self._first = 0  # breadcrumb where the window begins
         self._isam = gtsam.ISAM2(_isam_params(config, anchors is not None))
@@ -142,7 +143,7 @@ class OnlineSmoother:
         for step, node in zip(self._steps, self._nodes, strict=True):
             builder.add(step, node, previous, graph, values)
             previous = node
-        for _, factor in self._extra:
+        for factor in self._extra:
             graph.push_back(factor)
         if self._closed_walk:
             graph.push_back(closed_walk_factor(len(self._steps) - 1, self._config.graph))
@@ -168,12 +169,14 @@ class OnlineSmoother:
         isam = gtsam.ISAM2(params)
         isam.update(graph, values)
         result = isam.calculateBestEstimate()
-        for iteration in range(1, self._config.solver.max_iterations + 1):
+        iterations = 0
+        while iterations < self._config.solver.max_iterations:
+            iterations += 1
             isam.update()
             before, result = result, isam.calculateBestEstimate()
             if np.abs(before.localCoordinates(result).vector()).max() < _SETTLED:
                 break
-        return result, gtsam.Marginals(graph, result), iteration
+        return result, gtsam.Marginals(graph, result), iterations
 
     def _new_builder(self, first: Step) -> GraphBuilder:
         anchored = self._anchors is not None
@@ -235,9 +238,9 @@ class OnlineSmoother:
         y_m = previous.y_m + step.length_m * math.sin(yaw)
         return Node(x_m, y_m, previous.z_m, yaw, previous.bias_rad_s)
 
-    def _take_anchors(self, now_s: float) -> list[object]:
+    def _take_anchors(self, now_s: float) -> list[Any]:
         """Factors of the anchors whose time has come, at the breadcrumb nearest in time as in the batch graph."""
-        factors: list[object] = []
+        factors: list[Any] = []
         anchors = self._anchors
         while anchors is not None and self._next_anchor < len(anchors):
             at_s = anchors.t_s[self._next_anchor] - self._t0_s
@@ -251,7 +254,7 @@ class OnlineSmoother:
             sigma = anchor_sigma(anchors.sigma_m[self._next_anchor], length_m, self._config.graph)
             factor = anchor_factor(k, float(x_m), float(y_m), sigma)
             factors.append(factor)
-            self._extra.append((k, factor))
+            self._extra.append(factor)
             self._next_anchor += 1
         return factors
 
