@@ -153,15 +153,18 @@ class Leveller:
             quat, bias_b = state["quat6D"], state["bias"]
         else:
             quat, bias_b = np.empty((0, 4)), np.empty((0, 3))
-        forward_n = rotate(quat, self._mount_b)
+        body = np.empty((len(index), 3, 5))
+        body[:, :, 0] = self._mount_b
+        body[:, :, 1], body[:, :, 2], body[:, :, 3], body[:, :, 4] = bias_b, acc_b, gyro_b, mag_b
+        world = rotate(quat, body)
+        forward_n, bias_n, acc_n, gyro_n, mag_n = (world[:, :, i] for i in range(5))
         yaw_vqf = np.arctan2(forward_n[:, 1], forward_n[:, 0])
-        yaw_gyro = self._unwrap(yaw_vqf) + self._bias_angle(rotate(quat, bias_b)[:, 2])
-        acc_n, gyro_n = rotate(quat, acc_b), rotate(quat, gyro_b)
+        yaw_gyro = self._unwrap(yaw_vqf) + self._bias_angle(bias_n[:, 2])
         cos, sin = np.cos(yaw_vqf), np.sin(yaw_vqf)
-        acc_walk = np.column_stack(
-            (cos * acc_n[:, 0] + sin * acc_n[:, 1], cos * acc_n[:, 1] - sin * acc_n[:, 0], acc_n[:, 2])
-        )
-        mag_n = rotate(quat, mag_b)
+        acc_walk = np.empty((len(index), 3))
+        acc_walk[:, 0] = cos * acc_n[:, 0] + sin * acc_n[:, 1]
+        acc_walk[:, 1] = cos * acc_n[:, 1] - sin * acc_n[:, 0]
+        acc_walk[:, 2] = acc_n[:, 2]
         mag_horizontal = np.hypot(mag_n[:, 0], mag_n[:, 1])
         # vqf's world is turned by an unknown angle; the field's own azimuth in it tells which way North is
         yaw_mag = wrap_angle(yaw_vqf + self._north_rad - np.arctan2(mag_n[:, 1], mag_n[:, 0]))

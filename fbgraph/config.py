@@ -178,13 +178,13 @@ class SolverConfig(Section):
 class OnlineConfig(Section):
     """iSAM2."""
 
-    window_steps: Annotated[int, Field(ge=10)] = 400
+    window_steps: Annotated[int, Field(ge=10)] = 300
     """Breadcrumbs that later steps may still move; the tree holds up to twice as many."""
     relinearize_yaw_rad: Positive = 0.05
     """A breadcrumb whose yaw has moved further is linearised anew."""
     relinearize_skip: Annotated[int, Field(ge=1)] = 5
     """Look for such breadcrumbs every so many steps."""
-    wildfire: Positive = 0.003
+    wildfire: Positive = 0.02
     """Changes below this (rad, m) are not passed on to older breadcrumbs until somebody asks for them."""
 
 

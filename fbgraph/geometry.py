@@ -23,28 +23,29 @@ def wrap_scalar(angle_rad: float) -> float:
 
 
 def rotate(quat_wxyz: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Rotate each vector by its quaternion: ``v_n = nRb v_b``.
-
-    Written out element by element so that a row's result never depends on how many rows come with it.
+    """Rotate vectors by their quaternions: ``v_n = nRb v_b``.
 
     Args:
         quat_wxyz: (N, 4) unit quaternions nRb, scalar first.
-        vectors: (N, 3) in the body frame, or (3,) to rotate one vector by all.
+        vectors: in the body frame: (N, 3), (3,) to rotate one by all, or (N, 3, M) for M a quaternion.
 
     Returns:
-        (N, 3) in the world frame.
+        (N, 3) or (N, 3, M) in the world frame; a row's result never depends on how many rows come with it.
     """
     w, x, y, z = quat_wxyz.T
-    vx, vy, vz = np.broadcast_to(vectors, (len(quat_wxyz), 3)).T
-    # v + 2w(q×v) + 2 q×(q×v)
-    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
-    return np.column_stack(
-        (
-            vx + w * tx + y * tz - z * ty,
-            vy + w * ty + z * tx - x * tz,
-            vz + w * tz + x * ty - y * tx,
-        )
+    matrix = np.empty((len(quat_wxyz), 3, 3))
+    matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 2, 2] = (
+        1 - 2 * (y * y + z * z),
+        1 - 2 * (x * x + z * z),
+        1 - 2 * (x * x + y * y),
     )
+    xy, wz, xz, wy, yz, wx = x * y, w * z, x * z, w * y, y * z, w * x
+    matrix[:, 0, 1], matrix[:, 1, 0] = 2 * (xy - wz), 2 * (xy + wz)
+    matrix[:, 0, 2], matrix[:, 2, 0] = 2 * (xz + wy), 2 * (xz - wy)
+    matrix[:, 1, 2], matrix[:, 2, 1] = 2 * (yz - wx), 2 * (yz + wx)
+    if vectors.ndim < 3:
+        return np.asarray((matrix @ vectors[..., None])[..., 0])
+    return np.asarray(matrix @ vectors)
 
 
 def heading_deg(yaw_rad: float) -> float:

@@ -10,11 +10,46 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
+
+from fbgraph.config import load_config
+from fbgraph.online import OnlineSmoother
+from fbgraph.routes import load_route
+from fbgraph.simulate import SimulateOptions, simulate
+
 
 def timed(*command: object) -> float:
     start = time.perf_counter()
     subprocess.run(list(map(str, command)), check=True, stdout=subprocess.DEVNULL)
     return time.perf_counter() - start
+
+
+def resident_kb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1024
+
+
+def online(window_steps: int, steps: int, piece_s: float = 0.1) -> str:
+    """From a step's last sample to its updated pose, over a long walk: one row of the table."""
+    config = load_config("m5stickc", [f"online.window_steps={window_steps}"])
+    log = simulate(load_route("square"), SimulateOptions(duration_s=steps / 1.5 if steps < 20_000 else 10_700.0)).log
+    smoother, took_ms = OnlineSmoother(config), []
+    memory_kb = resident_kb()
+    for start_s in np.arange(0.0, log.duration_s, piece_s):
+        piece = log.between(start_s, start_s + piece_s)
+        begin = time.perf_counter()
+        updates = smoother.feed(piece)
+        if len(updates) == 1:
+            took_ms.append(1e3 * (time.perf_counter() - begin))
+        if len(took_ms) >= steps:
+            break
+    memory_kb = resident_kb() - memory_kb
+    quarter = len(took_ms) // 4
+    first, last = np.median(took_ms[:quarter]), np.median(took_ms[-quarter:])
+    p50, p99 = np.percentile(took_ms, (50, 99))
+    return (
+        f"| {window_steps} | {len(took_ms)} | {p50:.2f} ms | {p99:.2f} ms | {max(took_ms):.0f} ms | "
+        f"{last / first:.2f} | {memory_kb / len(took_ms):.1f} kB |"
+    )
 
 
 def main() -> None:
@@ -34,6 +69,12 @@ def main() -> None:
     print(f"| peak memory of any command | {peak_gb:.2f} GB |")
     print(f"| `fbgraph simulate` | {simulate_s:.1f} s |")
     print(f"| `fbgraph --help` | {help_s:.2f} s |")
+    print(
+        "\n| window, steps | steps walked | p50 | p99 | max | last / first quarter's median | memory a step |\n"
+        "|---|---|---|---|---|---|---|"
+    )
+    for window_steps, steps in ((300, 20_000), (100, 5_000), (1000, 5_000), (1_000_000, 5_000)):
+        print(online(window_steps, steps), flush=True)
 
 
 if __name__ == "__main__":
