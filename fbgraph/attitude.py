@@ -53,15 +53,17 @@ class LevelledSignals:
     def tail(self, count: int) -> LevelledSignals:
         """The last ``count`` samples."""
         start = max(len(self) - count, 0)
-        return LevelledSignals(**{f.name: getattr(self, f.name)[start:] for f in fields(self)})
+        return LevelledSignals(*[getattr(self, name)[start:] for name in _SIGNALS])
 
     @staticmethod
     def concatenate(pieces: list[LevelledSignals]) -> LevelledSignals:
         """Pieces in order as one."""
         if len(pieces) == 1:
             return pieces[0]
-        names = [f.name for f in fields(LevelledSignals)]
-        return LevelledSignals(**{name: np.concatenate([getattr(p, name) for p in pieces]) for name in names})
+        return LevelledSignals(*[np.concatenate([getattr(p, name) for p in pieces]) for name in _SIGNALS])
+
+
+_SIGNALS = tuple(f.name for f in fields(LevelledSignals))
 
 
 def pressure_altitude_m(pressure_hpa: FloatArray) -> FloatArray:
@@ -180,14 +182,14 @@ class Leveller:
             mag_norm_ut=np.sqrt((mag_b**2).sum(axis=1)),
             mag_dip_rad=np.arctan2(-mag_n[:, 2], mag_horizontal),
             altitude_m=_hold(self._altitude, t_s),
-            still=self._stillness(np.column_stack((acc_norm, gyro_b))),
+            still=self._stillness(np.concatenate((acc_norm[:, None], gyro_b), axis=1)),
         )
 
     def _unwrap(self, yaw_wrapped: FloatArray) -> FloatArray:
         if len(yaw_wrapped) == 0:
             return yaw_wrapped
         previous = yaw_wrapped[0] if self._yaw_wrapped is None else self._yaw_wrapped
-        change = wrap_angle(np.diff(yaw_wrapped, prepend=previous))
+        change = wrap_angle(yaw_wrapped - np.concatenate(([previous], yaw_wrapped[:-1])))
         yaw = np.cumsum(np.concatenate(([self._yaw_gyro], change)))[1:]
         self._yaw_wrapped, self._yaw_gyro = float(yaw_wrapped[-1]), float(yaw[-1])
         return yaw
@@ -265,7 +267,7 @@ class _IntervalMean:
             values = np.concatenate((self._last, stream.values))
             carry = self._integral[-1:]
             lead_gap = np.empty(0, dtype=np.bool_)
-        dt_s = np.diff(t_s)
+        dt_s = t_s[1:] - t_s[:-1]
         area = 0.5 * (values[1:] + values[:-1]) * dt_s[:, None]
         integral = np.cumsum(np.concatenate((carry, area)), axis=0)
         if not self.empty:
@@ -279,11 +281,11 @@ class _IntervalMean:
         """(N, D) means over the grid interval that ends at each index, and (N,) whether no gap touches it."""
         if len(index) == 0:
             return np.empty((0, self._integral.shape[1])), np.empty(0, dtype=np.bool_)
-        ends = np.concatenate((index[:1] - 1, index)) * dt_s
-        at_ends = np.column_stack([np.interp(ends, self._t_s, column) for column in self._integral.T])
-        bracket = np.clip(np.searchsorted(self._t_s, ends), 0, len(self._t_s) - 1)
+        ends = np.asarray(np.concatenate((index[:1] - 1, index)) * dt_s, dtype=np.float64)
+        at_ends = _interp_columns(ends, self._t_s, self._integral)
+        bracket = np.minimum(np.searchsorted(self._t_s, ends), len(self._t_s) - 1)
         in_gap = self._gap_before[bracket]
-        return np.diff(at_ends, axis=0) / dt_s, ~(in_gap[1:] | in_gap[:-1])
+        return (at_ends[1:] - at_ends[:-1]) / dt_s, ~(in_gap[1:] | in_gap[:-1])
 
     def forget(self, before_s: float) -> None:
         start = max(int(np.searchsorted(self._t_s, before_s, side="right")) - 1, 0)
@@ -343,11 +345,19 @@ def _interpolate(stream: Stream, t_s: FloatArray, max_gap_s: float) -> FloatArra
         return np.full((len(t_s), width), np.nan)
     after = np.searchsorted(stream.t_s, t_s)
     inside = (after > 0) & (after < len(stream))
-    after = np.clip(after, 1, len(stream) - 1)
+    after = np.minimum(np.maximum(after, 1), len(stream) - 1)
     inside &= stream.t_s[after] - stream.t_s[after - 1] <= max_gap_s
-    values = np.column_stack([np.interp(t_s, stream.t_s, column) for column in stream.values.T])
+    values = _interp_columns(t_s, stream.t_s, stream.values)
     values[~inside] = np.nan
     return values
+
+
+def _interp_columns(at_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:
+    """``np.interp`` for every column."""
+    out = np.empty((len(at_s), values.shape[1]))
+    for i in range(values.shape[1]):
+        out[:, i] = np.interp(at_s, t_s, values[:, i])
+    return out
 
 
 def _hold(stream: Stream, t_s: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import gtsam
@@ -38,6 +39,7 @@ Values = Any  # gtsam.Values
 _FREE_RAD = 100.0  # a standard deviation that says nothing, yet keeps the system well conditioned
 _FREE_M = 1000.0
 _FIXED = 1e-3  # metres and radians; the origin
+_YAW_ROW = np.array([[0.0, 0.0, 1.0]])
 _FIELD_MEMORY = 30  # steps over which the field's usual strength and dip are judged
 
 
@@ -85,6 +87,7 @@ class GraphBuilder:
         self._dips: deque[float] = deque(maxlen=_FIELD_MEMORY)
         self._altitude_0 = math.nan
         self._huber = gtsam.noiseModel.mEstimator.Huber
+        self._barometer = gtsam.noiseModel.Robust.Create(self._huber.Create(1.345), _sigmas(config.sigma_altitude_m))
 
     def add(self, step: Step, node: Node, previous_node: Node | None, graph: Graph, values: Values) -> None:
         """Add the factors and the first values of the next breadcrumb.
@@ -164,8 +167,7 @@ class GraphBuilder:
         if k > 0:
             graph.push_back(gtsam.BetweenFactorDouble(Z(k - 1), Z(k), 0.0, _sigmas(config.sigma_climb_m)))
         if k > 0 and math.isfinite(step.altitude_m):
-            model = gtsam.noiseModel.Robust.Create(self._huber.Create(1.345), _sigmas(config.sigma_altitude_m))
-            graph.push_back(gtsam.PriorFactorDouble(Z(k), step.altitude_m - self._altitude_0, model))
+            graph.push_back(gtsam.PriorFactorDouble(Z(k), step.altitude_m - self._altitude_0, self._barometer))
 
 
 def heading_factor(k: int, increment_rad: float, dt_s: float, sigma_rad: float, node: Node, previous: Node) -> Any:
@@ -181,9 +183,9 @@ def heading_factor(k: int, increment_rad: float, dt_s: float, sigma_rad: float, 
     residual = increment_rad - (node.yaw_rad - previous.yaw_rad) - node.bias_rad_s * dt_s
     jacobian = gtsam.JacobianFactor(
         X(k - 1),
-        np.array([[0.0, 0.0, -1.0]]),
+        -_YAW_ROW,
         X(k),
-        np.array([[0.0, 0.0, 1.0]]),
+        _YAW_ROW,
         B(k),
         np.array([[dt_s]]),
         np.array([residual]),
@@ -224,5 +226,6 @@ def closed_walk_factor(last: int, config: GraphConfig) -> Any:
     return gtsam.PoseTranslationPrior2D(X(last), gtsam.Pose2(), _sigmas(config.sigma_closure_m, config.sigma_closure_m))
 
 
+@lru_cache(maxsize=512)  # most steps have the same
 def _sigmas(*values: float) -> Any:
     return gtsam.noiseModel.Diagonal.Sigmas(np.array(values))

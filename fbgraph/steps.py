@@ -384,11 +384,11 @@ class _Rests:
         if len(signals) == 0:
             return
         index = signals.index if self._last_index is None else np.concatenate(([self._last_index], signals.index))
-        holes = np.flatnonzero(np.diff(index) > 1)
+        holes = np.flatnonzero(index[1:] - index[:-1] > 1)
         if len(holes):
             self._last_break = int(index[holes[-1]])
         self._last_index = int(signals.index[-1])
-        edges = np.flatnonzero(np.diff(signals.still.astype(np.int8))) + 1
+        edges = np.flatnonzero(signals.still[1:] != signals.still[:-1]) + 1
         for lo, hi in zip(np.concatenate(([0], edges)), np.concatenate((edges, [len(signals)])), strict=True):
             if signals.still[lo]:
                 self._t_s = np.concatenate((self._t_s, signals.t_s[lo:hi]))[-self._limit :]
