@@ -13,6 +13,7 @@ import numpy as np
 
 from fbgraph.config import load_config
 from fbgraph.metrics import checkpoint_errors, score
+from fbgraph.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 
@@ -26,7 +27,9 @@ def main() -> None:
     ipin = sorted((data / "ipin2023").glob("*.gz"))
     flat = [path for path in ipin if "Trial51" not in path.name]
     indoor = sorted((data / "indoor-location" / "site1").rglob("*.txt.gz"))
-    print("| logs | mode | PDR | EKF | smoother | smoother / EKF |\n|---|---|---|---|---|---|")
+    print(
+        "| logs | mode | PDR | EKF | online, at each step | smoother | smoother / EKF |\n|---|---|---|---|---|---|---|"
+    )
     for name, paths, closed, every in (
         ("ipin2023, 7 single-floor", flat, False, 0),
         ("ipin2023, 7 single-floor", flat, True, 0),
@@ -34,27 +37,31 @@ def main() -> None:
         (f"indoor-location/site1, {len(indoor)}", indoor, False, 0),
     ):
         rows = np.array([rmse(path, closed, every) for path in paths])
-        pdr, ekf, smoothed = rows.mean(axis=0)
+        pdr, ekf, online, smoothed = rows.mean(axis=0)
         mode = "closed" if closed else f"anchored (every {every}rd checkpoint)" if every else "unaided"
-        print(f"| {name} | {mode} | {pdr:.2f} | {ekf:.2f} | {smoothed:.2f} | {smoothed / ekf:.2f} |")
+        print(f"| {name} | {mode} | {pdr:.2f} | {ekf:.2f} | {online:.2f} | {smoothed:.2f} | {smoothed / ekf:.2f} |")
     for path in ipin:
         if "Trial51" in path.name:
             altitude(path)
 
 
 def rmse(path: Path, closed: bool, every: int) -> list[float]:
-    """Of PDR, EKF and smoother; anchored runs are scored on the checkpoints that were not given."""
+    """Of PDR, EKF, online (unaided, causal) and smoother; anchored runs are scored on the checkpoints that were not given."""
     log_file = read_log(path)
     truth = log_file.truth
     assert truth is not None
     config = load_config(preset(log_file.log.format))
     anchors = truth.select(np.arange(0, len(truth), every)) if every else None
     result = reconstruct(log_file.log, config, truth, anchors, closed)
-    scores = [score(result.trajectories[name], truth, log_file.log.t0_s).rmse_m for name in ("pdr", "ekf", "smoothed")]
+    online = OnlineSmoother(config)
+    online.feed(log_file.log)
+    online.finish()
+    trajectories = {**result.trajectories, "online": online.causal}
+    scores = [score(trajectories[n], truth, log_file.log.t0_s).rmse_m for n in ("pdr", "ekf", "online", "smoothed")]
     if every:
         others = truth.select(np.arange(len(truth)) % every != 0)
         errors = checkpoint_errors(result.trajectories["smoothed"], others, log_file.log.t0_s, "none")
-        scores[2] = float(np.sqrt((errors**2).mean()))
+        scores[3] = float(np.sqrt((errors**2).mean()))
     return scores
 
 

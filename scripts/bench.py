@@ -31,7 +31,7 @@ def resident_kb() -> float:
 def online(window_steps: int, steps: int, piece_s: float = 0.1) -> str:
     """From a step's last sample to its updated pose, over a long walk: one row of the table."""
     config = load_config("m5stickc", [f"online.window_steps={window_steps}"])
-    log = simulate(load_route("square"), SimulateOptions(duration_s=steps / 1.5 if steps < 20_000 else 10_700.0)).log
+    log = simulate(load_route("square"), SimulateOptions(duration_s=steps / 1.7)).log
     smoother, took_ms = OnlineSmoother(config), []
     memory_kb = resident_kb()
     for start_s in np.arange(0.0, log.duration_s, piece_s):
