@@ -164,6 +164,8 @@ def online(
 
     if (log is None) == (source is None):
         raise ConfigError("name either a LOG to replay or a --source to follow")
+    if source is not None and anchors is not None:
+        raise ConfigError("--anchors needs a LOG: a live device's clock is not known beforehand")
     folder = resume or out
     if folder is None:
         if log is None:
@@ -205,6 +207,7 @@ def online(
             effective,
             on_update=show,
             resume=resume is not None,
+            closed_walk=closed_loop,
             truth=known,
             recording=not no_recording,
         )

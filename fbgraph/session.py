@@ -19,6 +19,7 @@ from fbgraph.exports import check_run_folder, summarize, summary_markdown, write
 from fbgraph.log import SensorLog, Stream
 from fbgraph.online import OnlineSmoother, Update
 from fbgraph.pdr import dead_reckon
+from fbgraph.readers.base import OPTIONAL_SENSORS
 from fbgraph.readers.live import LiveReader
 from fbgraph.result import WalkResult
 from fbgraph.steps import detect_steps
@@ -80,6 +81,7 @@ def live(
     *,
     on_update: OnUpdate,
     resume: bool = False,
+    closed_walk: bool = False,
     truth: Checkpoints | None = None,
     recording: bool = True,
 ) -> dict[str, Any]:
@@ -91,6 +93,7 @@ def live(
         config: the effective configuration.
         on_update: called at each step.
         resume: go on from the lines in ``out/raw.csv``; their steps are not reported again.
+        closed_walk: the smoother may assume that the walk ended where it began.
         truth: for scoring, on the device's clock.
         recording: whether to write ``recording.rrd``.
 
@@ -100,7 +103,7 @@ def live(
         EstimationError: the solver failed.
     """
     raw_path = out / RAW
-    reader, smoother = LiveReader(out.name), OnlineSmoother(config)
+    reader, smoother = LiveReader(out.name), OnlineSmoother(config, closed_walk=closed_walk)
     if resume:
         for line_block in _saved_lines(raw_path):
             smoother.feed(reader.push(line_block))
@@ -121,7 +124,7 @@ def live(
                 on_update(update)
     for update in smoother.feed(reader.finish()):
         on_update(update)
-    return _write(saved_log(raw_path), smoother, out, config, truth, None, False, recording)
+    return _write(saved_log(raw_path), smoother, out, config, truth, None, closed_walk, recording)
 
 
 def resumed_config(out: Path) -> Config:
@@ -154,6 +157,7 @@ def saved_log(raw_path: Path) -> SensorLog:
     if min(len(streams["acc"]), len(streams["gyro"])) < 2:
         raise DataError(f"{raw_path}: no usable accelerometer and gyroscope samples arrived")
     counts = {reason: number for reason, number in reader.counts.items() if number}
+    missing = [f"no {sensor}: {cost}" for name, (sensor, cost) in OPTIONAL_SENSORS.items() if len(streams[name]) == 0]
     events = tuple(event for part in parts for event in part.events)
     return SensorLog(
         name=raw_path.parent.name,
@@ -164,7 +168,7 @@ def saved_log(raw_path: Path) -> SensorLog:
         mag=streams["mag"],
         pressure=streams["pressure"],
         events=events,
-        notices=tuple(reader.notices),
+        notices=(*reader.notices, *missing),
         counts=counts,
     )
 

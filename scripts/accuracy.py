@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def rmse(path: Path, closed: bool, every: int) -> list[float]:
-    """Of PDR, EKF, online (unaided, causal) and smoother; anchored runs are scored on the checkpoints that were not given."""
+    """Of PDR, EKF, online (unaided, causal) and smoother; anchored runs are scored on the checkpoints not given."""
     log_file = read_log(path)
     truth = log_file.truth
     assert truth is not None

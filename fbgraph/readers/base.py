@@ -29,6 +29,11 @@ MAX_T_NS = 4 * 10**18  # the year 2096 in Unix time; differences of two such tim
 GRAVITY_M_S2 = (3.0, 30.0)  # where the median |acc| of a walk must lie, whatever the calibration
 
 _SENSORS = {"acc": "accelerometer", "gyro": "gyroscope", "mag": "magnetometer", "pressure": "barometer"}
+OPTIONAL_SENSORS = {
+    "mag": ("magnetometer", "heading rests on the gyroscope alone and its start is arbitrary"),
+    "pressure": ("barometer", "altitude stays at 0"),
+}
+"""What a walk can do without, and what it then lacks."""
 LIMITS = {"acc": 160.0, "gyro": 37.0, "mag": 5000.0, "pressure": 1200.0}
 """Largest believable component, SI. ±16 g and ±2000 °/s are the widest ranges of phones and wearables."""
 MIN_PRESSURE_HPA = 300.0
@@ -308,14 +313,11 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
             notices.append(
                 f"{at_rail} samples at the {sensor}'s limit of {rail * scale:.4g} {unit}: too little is seen"
             )
-    for name, cost in (
-        ("mag", "heading rests on the gyroscope alone and its start is arbitrary"),
-        ("pressure", "altitude stays at 0"),
-    ):
+    for name, (sensor, cost) in OPTIONAL_SENSORS.items():
         if name not in streams:
-            notices.append(f"no {_SENSORS[name]}: {cost}")
+            notices.append(f"no {sensor}: {cost}")
         elif len(streams[name]) < MIN_SAMPLES or np.ptp(streams[name].values, axis=0).max() == 0.0:
-            notices.append(f"{_SENSORS[name]} not used, it has {len(streams[name])} samples or never changes: {cost}")
+            notices.append(f"{sensor} not used, it has {len(streams[name])} samples or never changes: {cost}")
             del streams[name]
 
 
