@@ -8,17 +8,15 @@ under disturbance the correction is reduced. Written with plain floats: twenty t
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from fbgraph.config import EkfConfig
+from fbgraph.field import FieldMemory
 from fbgraph.geometry import wrap_scalar
 from fbgraph.steps import Step, StepTrack
 from fbgraph.trajectory import Trajectory
-
-_FIELD_MEMORY = 30  # steps over which the field's usual strength and dip are judged
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +36,7 @@ class HeadingEkf:
 
     def __init__(self, config: EkfConfig) -> None:
         self._config = config
-        self._norms: deque[float] = deque(maxlen=_FIELD_MEMORY)
-        self._dips: deque[float] = deque(maxlen=_FIELD_MEMORY)
+        self._field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
         self._previous: Step | None = None
         self._state = EkfState(0.0, 0.0, 0.0, 0.0, 0.0, math.inf)
         self._cov_yaw_bias = 0.0
@@ -96,11 +93,7 @@ class HeadingEkf:
     def _compass_variance(self, step: Step, innovation: float, p_yaw: float) -> float:
         """R: larger the further the field is from its recent usual, and for an innovation beyond belief."""
         config = self._config
-        self._norms.append(step.mag_norm_ut)
-        self._dips.append(step.mag_dip_rad)
-        norm = (step.mag_norm_ut - sorted(self._norms)[len(self._norms) // 2]) / config.norm_scale_ut
-        dip = (step.mag_dip_rad - sorted(self._dips)[len(self._dips) // 2]) / config.dip_scale_rad
-        variance = config.sigma_mag_rad**2 * (1.0 + norm**2 + dip**2)
+        variance = config.sigma_mag_rad**2 * self._field.inflation(step)
         excess = innovation**2 / (config.gate_sigma**2 * (p_yaw + variance))
         return variance * max(excess, 1.0)
 

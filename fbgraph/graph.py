@@ -20,7 +20,6 @@ A Pose2's yaw is additive in its tangent space, so the linear heading factor is 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -31,6 +30,7 @@ from gtsam.symbol_shorthand import B, X, Z
 
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import GraphConfig
+from fbgraph.field import FieldMemory
 from fbgraph.steps import Step
 
 Graph = Any  # gtsam.NonlinearFactorGraph; the wheel's stubs are incomplete
@@ -40,7 +40,6 @@ _FREE_RAD = 100.0  # a standard deviation that says nothing, yet keeps the syste
 _FREE_M = 1000.0
 _FIXED = 1e-3  # metres and radians; the origin
 _YAW_ROW = np.array([[0.0, 0.0, 1.0]])
-_FIELD_MEMORY = 30  # steps over which the field's usual strength and dip are judged
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +82,7 @@ class GraphBuilder:
         self._sigma_length_rel = math.hypot(config.sigma_length_rel, shared)
         self._k = -1
         self._previous: Step | None = None
-        self._norms: deque[float] = deque(maxlen=_FIELD_MEMORY)
-        self._dips: deque[float] = deque(maxlen=_FIELD_MEMORY)
+        self._field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
         self._altitude_0 = math.nan
         self._huber = gtsam.noiseModel.mEstimator.Huber
         self._barometer = gtsam.noiseModel.Robust.Create(self._huber.Create(1.345), _sigmas(config.sigma_altitude_m))
@@ -147,11 +145,7 @@ class GraphBuilder:
         if not math.isfinite(step.yaw_mag_rad):
             return
         config = self._config
-        self._norms.append(step.mag_norm_ut)
-        self._dips.append(step.mag_dip_rad)
-        norm = (step.mag_norm_ut - sorted(self._norms)[len(self._norms) // 2]) / config.norm_scale_ut
-        dip = (step.mag_dip_rad - sorted(self._dips)[len(self._dips) // 2]) / config.dip_scale_rad
-        sigma = config.sigma_mag_rad * math.sqrt(1.0 + norm**2 + dip**2)
+        sigma = config.sigma_mag_rad * math.sqrt(self._field.inflation(step))
         # compass errors are those of the place: N correlated steps know as much as N (1 - a) / (1 + a) free ones
         # (information of a first-order Gauss-Markov process with a = exp(-L / correlation length))
         a = math.exp(-max(step.length_m, 0.05) / config.mag_correlation_m)
