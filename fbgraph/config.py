@@ -178,7 +178,7 @@ class SolverConfig(Section):
 class OnlineConfig(Section):
     """iSAM2."""
 
-    window_steps: Annotated[int, Field(ge=10)] = 300
+    window_steps: Annotated[int, Field(ge=10)] = 150
     """Breadcrumbs that later steps may still move; the tree holds up to twice as many."""
     relinearize_yaw_rad: Positive = 0.05
     """A breadcrumb whose yaw has moved further is linearised anew."""
