@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import gtsam
 import numpy as np
@@ -20,6 +20,7 @@ from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factors, clo
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
 
+Marginals = Any  # gtsam.Marginals
 Solved = TypeVar("Solved")
 _STACK_MIN, _STACK_PER_BREADCRUMB, _STACK_MAX = 64 << 20, 4096, 1 << 30
 
@@ -72,7 +73,7 @@ def smooth(
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
     error_initial = optimizer.error()
 
-    def solve() -> tuple[Values, object]:
+    def solve() -> tuple[Values, Marginals]:
         result = optimizer.optimize()
         return result, gtsam.Marginals(graph, result)
 
@@ -136,15 +137,15 @@ def build(
 
 
 def trajectory_of(
-    track: StepTrack, result: Values, marginals: object, config: GraphConfig, anchored: bool
+    track: StepTrack, result: Values, marginals: Marginals, config: GraphConfig, anchored: bool
 ) -> Trajectory:
     """The breadcrumbs of a solved graph; ``anchored`` says that the walk's own scale and turn are known."""
     count = len(track)
     poses = gtsam.utilities.extractPose2(result)
     z_m = np.array([result.atDouble(Z(k)) for k in range(count)])
     bias = np.array([result.atDouble(B(k)) for k in range(count)])
-    covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])  # type: ignore[attr-defined]
-    sigma_z = np.array([marginals.marginalCovariance(Z(k))[0, 0] for k in range(count)]) ** 0.5  # type: ignore[attr-defined]
+    covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])
+    sigma_z = np.array([marginals.marginalCovariance(Z(k))[0, 0] for k in range(count)]) ** 0.5
     covariance = body_to_world(covariance, poses[:, 2])
     if not anchored:
         covariance += walk_covariance(poses, config)
