@@ -159,8 +159,9 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "estimators": estimators,
         "solver": {
             "iterations": smoothed.iterations,
-            "error_initial": smoothed.error_initial,
-            "error_final": smoothed.error_final,
+            "error_initial": float(smoothed.errors[0]),
+            "error_final": float(smoothed.errors[-1]),
+            "errors": [float(f"{error:.6g}") for error in smoothed.errors],
             "factors": smoothed.factors,
         },
         "seconds": {name: round(value, 3) for name, value in result.seconds.items()},

@@ -20,9 +20,10 @@ from gtsam.symbol_shorthand import B, X, Z
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config
 from fbgraph.errors import DataError, EstimationError
-from fbgraph.geometry import wrap_scalar
+from fbgraph.geometry import FloatArray, wrap_scalar
 from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factor, anchor_sigma, closed_walk_factor
 from fbgraph.log import SensorLog
+from fbgraph.residuals import factor_residuals
 from fbgraph.smoother import Smoothed, on_deep_stack, smooth, trajectory_of
 from fbgraph.steps import FrontEnd, Step, StepTrack
 from fbgraph.trajectory import Trajectory
@@ -158,21 +159,19 @@ class OnlineSmoother:
             graph.push_back(factor)
         if self._closed_walk:
             graph.push_back(closed_walk_factor(len(self._steps) - 1, self._config.graph))
-        error_initial = graph.error(values)
         try:
-            result, marginals, iterations = on_deep_stack(lambda: self._solve_whole(graph, values), len(self._steps))
+            result, marginals, errors = on_deep_stack(lambda: self._solve_whole(graph, values), len(self._steps))
         except RuntimeError as error:
             raise EstimationError(f"iSAM2 failed at the end: {str(error).strip().splitlines()[0]}") from error
         anchored = self._anchors is not None and len(self._anchors) > 1
         return Smoothed(
             trajectory=trajectory_of(self.track, result, marginals, self._config.graph, anchored),
-            iterations=iterations,
-            error_initial=error_initial,
-            error_final=graph.error(result),
+            errors=errors,
             factors=graph.size(),
+            residuals=factor_residuals(graph, result),
         )
 
-    def _solve_whole(self, graph: Graph, values: Values) -> tuple[Values, object, int]:
+    def _solve_whole(self, graph: Graph, values: Values) -> tuple[Values, object, FloatArray]:
         """All factors in one iSAM2, relinearised until nothing moves."""
         params = _isam_params(self._config, self._anchors is not None)
         params.setRelinearizeThreshold(0.0)
@@ -180,14 +179,14 @@ class OnlineSmoother:
         isam = gtsam.ISAM2(params)
         isam.update(graph, values)
         result = isam.calculateBestEstimate()
-        iterations = 0
-        while iterations < self._config.solver.max_iterations:
-            iterations += 1
+        errors = [graph.error(values), graph.error(result)]
+        while len(errors) <= self._config.solver.max_iterations:
             isam.update()
             before, result = result, isam.calculateBestEstimate()
+            errors.append(graph.error(result))
             if np.abs(before.localCoordinates(result).vector()).max() < _SETTLED:
                 break
-        return result, gtsam.Marginals(graph, result), iterations
+        return result, gtsam.Marginals(graph, result), np.array(errors)
 
     def _new_builder(self, first: Step) -> GraphBuilder:
         anchored = self._anchors is not None

@@ -17,6 +17,7 @@ from fbgraph.config import GraphConfig, SolverConfig
 from fbgraph.errors import EstimationError
 from fbgraph.geometry import FloatArray
 from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factors, closed_walk_factor
+from fbgraph.residuals import Residuals, factor_residuals
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
 
@@ -31,16 +32,21 @@ class Smoothed:
 
     Attributes:
         trajectory: with covariance.
-        iterations: of Levenberg-Marquardt.
-        error_initial, error_final: the graph's error (half the weighted sum of squares, robust).
+        errors: (I+1,) the graph's error (half the weighted sum of squares, robust) before the first of I iterations
+            and after each.
         factors: number of factors in the graph.
+        residuals: of every factor at the solution, by kind.
     """
 
     trajectory: Trajectory
-    iterations: int
-    error_initial: float
-    error_final: float
+    errors: FloatArray
     factors: int
+    residuals: tuple[Residuals, ...]
+
+    @property
+    def iterations(self) -> int:
+        """Of the solver."""
+        return len(self.errors) - 1
 
 
 def smooth(
@@ -70,6 +76,8 @@ def smooth(
     params.setMaxIterations(solver_config.max_iterations)
     params.setRelativeErrorTol(solver_config.relative_error)
     params.setAbsoluteErrorTol(1e-12)
+    errors: list[float] = []
+    params.iterationHook = lambda iteration, before, after: errors.append(float(after))
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
     error_initial = optimizer.error()
 
@@ -81,16 +89,14 @@ def smooth(
         result, marginals = on_deep_stack(solve, len(track))
     except RuntimeError as error:
         raise EstimationError(f"the smoother failed: {str(error).strip().splitlines()[0]}") from error
-    error_final = optimizer.error()
-    if not np.isfinite(error_final):
+    if not np.isfinite(optimizer.error()):
         raise EstimationError("the smoother diverged: its error is not finite")
     anchored = anchors is not None and len(anchors) > 1
     return Smoothed(
         trajectory=trajectory_of(track, result, marginals, graph_config, anchored),
-        iterations=optimizer.iterations(),
-        error_initial=error_initial,
-        error_final=error_final,
+        errors=np.array([error_initial, *errors]),
         factors=graph.size(),
+        residuals=factor_residuals(graph, result),
     )
 
 
@@ -146,11 +152,20 @@ def trajectory_of(
     bias = np.array([result.atDouble(B(k)) for k in range(count)])
     covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])
     sigma_z = np.array([marginals.marginalCovariance(Z(k))[0, 0] for k in range(count)]) ** 0.5
+    sigma_bias = np.array([marginals.marginalCovariance(B(k))[0, 0] for k in range(count)]) ** 0.5
     covariance = body_to_world(covariance, poses[:, 2])
     if not anchored:
         covariance += walk_covariance(poses, config)
     return Trajectory(
-        track.t_s, poses[:, 0], poses[:, 1], z_m, np.unwrap(poses[:, 2]), bias, cov_xy_yaw=covariance, sigma_z_m=sigma_z
+        track.t_s,
+        poses[:, 0],
+        poses[:, 1],
+        z_m,
+        np.unwrap(poses[:, 2]),
+        bias,
+        cov_xy_yaw=covariance,
+        sigma_z_m=sigma_z,
+        sigma_bias_rad_s=sigma_bias,
     )
 
 

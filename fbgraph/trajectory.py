@@ -22,6 +22,7 @@ class Trajectory:
         gyro_bias_rad_s: (K+1,) bias of the yaw rate about the vertical; zeros where the estimator has none.
         cov_xy_yaw: (K+1, 3, 3) covariance of (x, y, yaw) in the world frame, or None.
         sigma_z_m: (K+1,) or None.
+        sigma_bias_rad_s: (K+1,) or None.
     """
 
     t_s: FloatArray
@@ -32,6 +33,7 @@ class Trajectory:
     gyro_bias_rad_s: FloatArray
     cov_xy_yaw: FloatArray | None = None
     sigma_z_m: FloatArray | None = None
+    sigma_bias_rad_s: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.t_s)

@@ -200,3 +200,29 @@ def test_the_heading_factor_is_the_ekf_prediction_with_its_derivatives() -> None
     assert (error(2.8, 3.1 + h, 0.2) - error(*base)) / h == pytest.approx(1.0, abs=1e-4)
     assert (error(2.8, 3.1, 0.2 + h) - error(*base)) / h == pytest.approx(dt_s, abs=1e-4)
     assert error(*base, x_1=50.0) == pytest.approx(error(*base))
+
+
+def test_residuals_and_weights_add_up_to_the_graph_error() -> None:
+    """The loss of every factor, rebuilt from its residual and weight, is all of the error that the solver reports."""
+    yaw = np.concatenate((np.zeros(30), np.full(30, math.pi / 2)))
+    track = make_track(yaw, bias_rad_s=0.01, rest=True)
+    bent = np.where((np.arange(61) > 10) & (np.arange(61) < 20), track.yaw_mag_rad + 1.4, track.yaw_mag_rad)
+    steps = [replace(step, yaw_mag_rad=float(m)) for step, m in zip(track.steps, bent, strict=True)]
+    track = StepTrack.of(steps)
+    anchors = checkpoints(track.t_s[[0, 30, 60]], np.array((0.0, 21.0, 33.0)), np.array((0.0, 0.0, 21.0)))
+    smoothed = smooth(track, run_ekf(track, CONFIG.ekf), CONFIG.graph, CONFIG.solver, anchors)
+    total = 0.0
+    for kind in smoothed.residuals:
+        away = np.abs(kind.whitened)
+        # Huber: r²/2 up to c, c (r - c/2) beyond, with weight c / r
+        total += float(
+            np.where(kind.weight < 1.0, kind.weight * away * (away - kind.weight * away / 2), away**2 / 2).sum()
+        )
+    assert total == pytest.approx(smoothed.errors[-1], rel=1e-3)
+    assert smoothed.errors[-1] < smoothed.errors[0]
+    by_name = {kind.name: kind for kind in smoothed.residuals}
+    doubted = by_name["compass"].k[by_name["compass"].weight < 0.5]
+    assert set(doubted) >= set(range(12, 19))
+    assert doubted.min() > 8
+    assert doubted.max() < 22
+    assert by_name["anchor"].weight.argmin() == 2  # the one that lies 12 m beside the walk
