@@ -91,8 +91,8 @@ def _name(kind: str, state: int, k: int, weight: float, factor: Any) -> str | No
             return "anchor"
         return "closed_walk" if k > 0 else None
     if kind == "PriorFactorDouble":
-        if k == 0:
-            return None
+        if k == 0:  # the bias drifts from zero to its first value
+            return None if state == _Z else "bias_drift"
         return "barometer" if state == _Z else "standing_still"
     if kind == "BetweenFactorDouble":
         return "climb" if state == _Z else "bias_drift"
