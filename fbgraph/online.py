@@ -17,6 +17,7 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, X, Z
 
+from fbgraph.attitude import LevelledSignals
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config
 from fbgraph.errors import DataError, EstimationError
@@ -56,6 +57,23 @@ class Update:
     distance_m: float
 
 
+@dataclass(frozen=True)
+class Belief:
+    """Where the online smoother believed the recent walk to lie, at the moment of a step.
+
+    Attributes:
+        k: index of the latest breadcrumb.
+        t_s: its time, seconds since log start.
+        first: index of the first breadcrumb in ``xy_m``; those before it had left the window and stay as they were.
+        xy_m: (k - first + 1, 2) places of breadcrumbs ``first`` … ``k``.
+    """
+
+    k: int
+    t_s: float
+    first: int
+    xy_m: FloatArray
+
+
 class OnlineSmoother:
     """Samples in, updates out.
 
@@ -93,6 +111,8 @@ class OnlineSmoother:
         self._window: list[Graph] = []  # the factors that came with each breadcrumb of the window
         self._first = 0  # breadcrumb where the window begins
         self._isam = gtsam.ISAM2(_isam_params(config, anchors is not None))
+        self.signals: LevelledSignals | None = None
+        """What the last ``feed`` levelled, for who wants to show it."""
 
     def feed(self, samples: SensorLog) -> list[Update]:
         """Take the next samples and return the estimate at each step that they complete.
@@ -103,7 +123,8 @@ class OnlineSmoother:
         Raises:
             EstimationError: the solver failed.
         """
-        return self._advance(self._front_end.feed(samples)[0])
+        steps, self.signals = self._front_end.feed(samples)
+        return self._advance(steps)
 
     def estimate(self) -> Trajectory:
         """All breadcrumbs as known now: the window smoothed, older ones as they were when they left it.
@@ -115,6 +136,17 @@ class OnlineSmoother:
         self._refresh()
         columns = np.array([(n.x_m, n.y_m, n.z_m, n.yaw_rad, n.bias_rad_s) for n in self._nodes]).T
         return Trajectory(np.array([s.t_s for s in self._steps]), *columns)
+
+    def belief(self) -> Belief:
+        """The window as smoothed now. Only looks: later estimates are the same whether one asked or not.
+
+        Raises:
+            DataError: no step yet.
+        """
+        self._require_steps()
+        nodes = self._read_window()
+        xy_m = np.array([(node.x_m, node.y_m) for node in nodes])
+        return Belief(len(self._steps) - 1, self._steps[-1].t_s, self._first, xy_m)
 
     @property
     def track(self) -> StepTrack:
@@ -275,13 +307,19 @@ class OnlineSmoother:
         z_m, bias = self._isam.calculateEstimateDouble(Z(k)), self._isam.calculateEstimateDouble(B(k))
         return Node(pose.x(), pose.y(), z_m, yaw, bias)
 
-    def _refresh(self) -> None:
-        """Read the whole window out of iSAM2."""
+    def _read_window(self) -> list[Node]:
+        """The window's breadcrumbs out of iSAM2, each yaw unwrapped to lie near the one known before."""
         result = self._isam.calculateBestEstimate()
+        nodes = []
         for k in range(self._first, len(self._steps)):
             pose, near = result.atPose2(X(k)), self._nodes[k].yaw_rad
             yaw = near + wrap_scalar(pose.theta() - near)
-            self._nodes[k] = Node(pose.x(), pose.y(), result.atDouble(Z(k)), yaw, result.atDouble(B(k)))
+            nodes.append(Node(pose.x(), pose.y(), result.atDouble(Z(k)), yaw, result.atDouble(B(k))))
+        return nodes
+
+    def _refresh(self) -> None:
+        """Take the whole window over from iSAM2."""
+        self._nodes[self._first :] = self._read_window()
 
     def _shorten_window(self) -> None:
         """Eliminate the older half of the window into a prior on the breadcrumb where the newer half begins."""

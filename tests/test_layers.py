@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "fbgraph"
 LAYERS = {
-    0: {"errors", "config", "geometry", "log", "checkpoints", "trajectory", "palette"},
+    0: {"errors", "config", "geometry", "georeference", "log", "checkpoints", "trajectory", "palette"},
     1: {"readers", "simulate", "routes", "gait", "attitude", "rests", "steps", "field", "sources"},
     2: {"pdr", "ekf", "graph", "residuals", "smoother", "online", "closures", "result"},
     3: {"metrics", "guidance", "exports", "recording", "rrd", "blueprint", "live_view"},

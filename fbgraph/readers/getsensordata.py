@@ -11,9 +11,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pymap3d
 
 from fbgraph.checkpoints import Checkpoints, checkpoints
+from fbgraph.georeference import Georeference
 from fbgraph.readers.base import RawLog, RawStream, open_text, to_ns
 
 NAME = "getsensordata"
@@ -93,5 +93,6 @@ def _truth(rows: list[list[str]], path: Path) -> Checkpoints | None:
     if not table:
         return None
     t_s, lat_deg, lon_deg, floor = np.asarray(table).T
-    east_m, north_m, _ = pymap3d.geodetic2enu(lat_deg, lon_deg, 0.0, lat_deg[0], lon_deg[0], 0.0)
-    return checkpoints(t_s, np.asarray(east_m), np.asarray(north_m), floor=floor, source=f"{path} (POSI)")
+    first = Georeference(float(lat_deg[0]), float(lon_deg[0]))
+    x_m, y_m = first.local_m(np.column_stack((lat_deg, lon_deg))).T
+    return checkpoints(t_s, x_m, y_m, floor=floor, source=f"{path} (POSI)", georeference=first)
