@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,25 +12,28 @@ from fbgraph.geometry import FloatArray
 
 _MARGIN = 0.06  # of the walk's size, around it
 _LEGEND_WIDTH = 0.32  # of the walk's size, right of it
+_EQUATOR_M_PER_PIXEL = 156543.03  # of a Web Mercator map at zoom 0
 _LEGEND_ROWS = 13  # to the walk's size: far enough apart for labels on a laptop's screen
 
 
 @dataclass(frozen=True)
 class Frame:
-    """The part of the plane that the map opens on: the walk, and a column for the legend right of it; metres."""
+    """The part of the plane that the map opens on, metres: the walk and, if ``legend``, a column for it on the right."""
 
     x_min_m: float
     x_max_m: float
     y_min_m: float
     y_max_m: float
+    lat_deg: float = 0.0
+    legend: bool = True
 
     @staticmethod
-    def around(xy_m: FloatArray) -> Frame:
-        """The frame of (N, 2) places; not smaller than a room."""
+    def around(xy_m: FloatArray, lat_deg: float = 0.0) -> Frame:
+        """The frame of (N, 2) places; not smaller than a room. ``lat_deg`` is where on the globe."""
         low, high = xy_m.min(axis=0), xy_m.max(axis=0)
         grow = np.maximum(4.0 - (high - low), 0.0) / 2.0
         (x_min, y_min), (x_max, y_max) = low - grow, high + grow
-        return Frame(float(x_min), float(x_max), float(y_min), float(y_max))
+        return Frame(float(x_min), float(x_max), float(y_min), float(y_max), lat_deg)
 
     @property
     def size_m(self) -> float:
@@ -54,71 +57,157 @@ class Frame:
         return float(power * max(m for m in (1, 2, 5) if m * power <= self.size_m / 6.0))
 
     @property
+    def zoom(self) -> float:
+        """Of a Web Mercator map on which the walk fills about 600 pixels."""
+        m_per_pixel = self.size_m / 600.0
+        return float(np.log2(_EQUATOR_M_PER_PIXEL * np.cos(np.radians(self.lat_deg)) / m_per_pixel))
+
+    @property
     def bounds(self) -> rrb.VisualBounds2D:
         """For a view with y down, as Rerun's are."""
-        margin, legend = _MARGIN * self.size_m, _LEGEND_WIDTH * self.size_m
+        margin, legend = _MARGIN * self.size_m, _LEGEND_WIDTH * self.size_m * self.legend
         return rrb.VisualBounds2D(
             x_range=(self.x_min_m - margin, self.x_max_m + margin + legend),
             y_range=(-self.y_max_m - margin, -self.y_min_m + margin),
         )
 
 
-def blueprint(entities: Collection[str], frame: Frame, active_tab: int = 0) -> rrb.Blueprint:
+def blueprint(entities: Collection[str], frame: Frame | None = None, active_tab: int = 0) -> rrb.Blueprint:
     """The arrangement of views.
 
     Args:
-        entities: paths that were written; views of absent sensors are left out.
-        frame: what the map shows.
+        entities: paths that were written; views of what is not there are left out.
+        frame: what the map shows; all there is if None.
         active_tab: which tab is open.
     """
+    return arranged(rrb.Tabs(*tabs(entities, frame), active_tab=active_tab))
 
-    def curves(name: str, *prefixes: str) -> list[rrb.View]:
+
+def arranged(root: rrb.Tabs) -> rrb.Blueprint:
+    """The whole window: no panels, the cursor at the end of the walk, which it follows while it goes on."""
+    return rrb.Blueprint(
+        root,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
+    )
+
+
+def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow: bool = False) -> list[rrb.Container]:
+    """One tab a question.
+
+    Args:
+        entities: as in ``blueprint``.
+        frame: as in ``blueprint``.
+        root: path below which all entities lie, ``/name``.
+        narrow: to fit beside others.
+    """
+
+    def there(*prefixes: str) -> list[str]:
+        """Query expressions of what was written below these paths."""
+        return [f"{root}/{p}/**" for p in prefixes if any(e == p or e.startswith(f"{p}/") for e in entities)]
+
+    def curves(name: str, *prefixes: str, without: Sequence[str] = ()) -> list[rrb.View]:
         """A view of what was written below these paths; none if nothing was."""
-        contents = [f"/{p}/**" for p in prefixes if any(e == p or e.startswith(f"{p}/") for e in entities)]
-        if not contents:
+        if not (contents := there(*prefixes)):
             return []
-        whole = rrb.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())
-        axis = rrb.TimeAxis(view_range=whole)
+        contents += [f"- {root}/{p}/**" for p in without]
         return [
-            rrb.TimeSeriesView(name=name, origin="/", contents=contents, axis_x=axis, plot_legend=rrb.Corner2D.LeftTop)
+            rrb.TimeSeriesView(
+                name=name, origin="/", contents=contents, axis_x=_whole_time(), plot_legend=rrb.Corner2D.LeftTop
+            )
         ]
 
     # functions, for a view that is in two places must be two views
-    def summary() -> rrb.View:
-        return rrb.TextDocumentView(name="Summary", origin="/summary")
+    def text(name: str, entity: str) -> list[rrb.View]:
+        return [rrb.TextDocumentView(name=name, origin=f"{root}/{entity}")] if entity in entities else []
+
+    def lanes() -> list[rrb.View]:
+        name = "What happened when"
+        return [rrb.StateTimelineView(name=name, origin=f"{root}/lanes", time_view=_whole_time())] * bool(
+            there("lanes")
+        )
+
+    def plan(name: str, contents: list[str]) -> rrb.View:
+        bounds = None if frame is None else frame.bounds
+        return rrb.Spatial2DView(name=name, origin=root or "/", contents=contents, visual_bounds=bounds)
 
     def error() -> list[rrb.View]:
-        return curves("Horizontal error at checkpoints [m]", "error_m")
+        return curves(
+            "Horizontal error at checkpoints, and 2σ of the smoothed position [m]", "error_m", "uncertainty_m"
+        )
+
+    def sure() -> list[rrb.View]:
+        return curves("How sure: 2σ of the smoothed position [m]", "uncertainty_m")
 
     def heading() -> list[rrb.View]:
         return curves("Heading, counter-clockwise from East [°]", "state/yaw_deg")
 
-    tabs: list[rrb.Container] = [
-        rrb.Horizontal(
-            rrb.Spatial2DView(name="Map, North up", origin="/", contents="/map/**", visual_bounds=frame.bounds),
-            rrb.Vertical(summary(), *(error() or heading()), row_shares=[3, 2]),
-            column_shares=[5, 3],
-            name="The walk",
+    def stacked(name: str, *rows: tuple[float, list[rrb.View]]) -> rrb.Container:
+        """One above the other, each with its share of the height; rows without a view are left out."""
+        there = [(share, view) for share, views in rows for view in views]
+        return rrb.Vertical(*(view for _, view in there), row_shares=[share for share, _ in there], name=name)
+
+    def legs(what: str, name: str) -> list[rrb.View]:
+        return curves(name, f"legs/{what}")
+
+    truth = bool(there("error_m"))
+    beside = [*text("Summary", "summary"), *lanes(), *(error() if truth else sure() or heading())]
+    shown = [f"{root}/map/**", f"- {root}/map/believed/**", f"- {root}/map/return/**"]
+    walk = plan("Map, North up", shown)
+    if narrow:
+        first = stacked("The walk", (4, [walk]), *zip((2, 1, 2), ([view] for view in beside), strict=False))
+    else:
+        column = rrb.Vertical(*beside, row_shares=[3, 1, 2][: len(beside)])
+        first = rrb.Horizontal(walk, column, column_shares=[5, 3], name="The walk")
+    result = [
+        first,
+        stacked(
+            "Did heading go wrong?",
+            (1.4, lanes()),
+            (2, heading()),
+            (2, curves("Compass minus smoothed heading, and what was expected [°]", "state/magnetic_disturbance_deg")),
+            (2, curves("Gyroscope bias about the vertical [°/s]", "state/gyro_bias_deg_s")),
+            (2, curves("Magnetic field: strength [µT], dip [°]", "state/field")),
         ),
-        rrb.Vertical(
-            *heading(),
-            *curves("Gyroscope bias about the vertical [°/s]", "state/gyro_bias_deg_s"),
-            *curves("Magnetic field: strength [µT], dip [°]", "state/field"),
-            name="Did heading go wrong?",
-        ),
-        rrb.Vertical(
-            *curves("Steps found [m/s²]", "steps", "state/acc_norm_m_s2", "state/still"),
-            *curves("Step frequency [Hz]", "state/step_frequency_hz"),
-            *curves("Step length [m]", "state/step_length_m"),
-            name="Steps",
+        stacked(
+            "Did steps go wrong?",
+            (1.4, lanes()),
+            (2, curves("Steps found [m/s²]", "steps", "state/acc_norm_m_s2")),
+            (2, curves("Step frequency [Hz]", "state/step_frequency_hz")),
+            (2, curves("Step length [m]", "state/step_length_m")),
+            (2, legs("length_percent", "Error of length from checkpoint to checkpoint [%]")),
         ),
     ]
     if altitude := curves("Altitude above the start [m]", "state/altitude_m"):
-        tabs.append(rrb.Vertical(*altitude, name="Altitude"))
-    if error():
-        tabs.append(rrb.Vertical(*error(), *heading(), name="Error"))
-    tabs.append(rrb.Horizontal(_space_view(frame), name="3-D"))
-    tabs.append(
+        result.append(rrb.Vertical(*altitude, name="Altitude"))
+    if truth:
+        beside = [*legs("length_percent", "Error of length from checkpoint to checkpoint [%]")]
+        beside += legs("direction_deg", "Error of direction from checkpoint to checkpoint [°]")
+        result.append(rrb.Vertical(*error(), *beside, name="Error"))
+    if there("map/believed"):
+        name = "As it was believed while walking: move the time"
+        contents = [f"{root}/map/believed/**", f"{root}/map/online/position", f"{root}/map/truth/**", f"{root}/map"]
+        result.append(rrb.Horizontal(plan(name, contents), name="While walking"))
+    if there("residuals"):
+        weights = curves("Share of its pull that the robust loss left each factor", "weights")
+        trust = curves("The compass: the same, less what the disturbed field took", "state/compass_trust")
+        residuals = curves("Residuals: estimate minus measurement [σ]", "residuals")
+        solver = [rrb.BarChartView(name="Error by iteration, log10", origin=f"{root}/solver/log10_error")]
+        result.append(
+            rrb.Horizontal(
+                rrb.Vertical(*residuals, *weights, *trust),
+                rrb.Vertical(*text("The graph", "graph"), *solver, row_shares=[3, 1]),
+                column_shares=[5, 3],
+                name="The graph",
+            )
+        )
+    result.append(rrb.Horizontal(_space_view(frame, f"{root}/world"), name="3-D"))
+    if there("geo"):
+        zoom = None if frame is None else frame.zoom
+        globe = rrb.MapView(name="On the globe, North up", origin=f"{root}/geo", zoom=zoom)
+        result.append(rrb.Horizontal(globe, name="On the globe"))
+    result.append(
         rrb.Vertical(
             *curves("Accelerometer [m/s²]", "sensors/acc"),
             *curves("Gyroscope [rad/s]", "sensors/gyro"),
@@ -127,22 +216,27 @@ def blueprint(entities: Collection[str], frame: Frame, active_tab: int = 0) -> r
             name="Raw sensors",
         )
     )
-    events = [rrb.TextLogView(name="Events of the log", origin="/events")] if "events" in entities else []
-    tabs.append(rrb.Vertical(summary(), *events, name="Summary"))
-    return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=active_tab),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline="time", play_state="paused"),
-    )
+    logs = {"findings": "Worth a look", "events": "Events of the log"}
+    texts = [rrb.TextLogView(name=name, origin=f"{root}/{e}") for e, name in logs.items() if e in entities]
+    if summary := text("Summary", "summary"):
+        result.append(rrb.Vertical(*summary, *texts, name="Summary"))
+    return result
 
 
-def _space_view(frame: Frame) -> rrb.View:
+def _whole_time() -> rrb.TimeAxis:
+    infinite = rrb.TimeRangeBoundary.infinite()
+    return rrb.TimeAxis(view_range=rrb.TimeRange(start=infinite, end=infinite))
+
+
+def _space_view(frame: Frame | None, origin: str) -> rrb.View:
     """The walk in space, seen from the South and above."""
+    name = "3-D, seen from the South"
+    if frame is None:
+        return rrb.Spatial3DView(name=name, origin=origin)
     middle = np.array([(frame.x_min_m + frame.x_max_m) / 2.0, (frame.y_min_m + frame.y_max_m) / 2.0, 0.0])
     return rrb.Spatial3DView(
-        name="3-D, seen from the South",
-        origin="/world",
+        name=name,
+        origin=origin,
         eye_controls=rrb.EyeControls3D(
             position=middle + frame.size_m * np.array([0.0, -0.8, 0.75]), look_target=middle, eye_up=(0.0, 0.0, 1.0)
         ),

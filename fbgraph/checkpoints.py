@@ -1,7 +1,7 @@
 """Checkpoints: known places at known times. As truth they only score; as anchors they enter the graph.
 
-CSV, with a header, on the log's own clock: ``t_s,x_m,y_m[,z_m][,floor][,sigma_m]``, or ``lat_deg,lon_deg`` for ``x_m,y_m``
-(metres are then those East and North of the first row). The columns of the IPIN 2023 truth files
+CSV, with a header, on the log's own clock: ``t_s,x_m,y_m[,z_m][,floor][,sigma_m]``, or ``lat_deg,lon_deg`` for
+``x_m,y_m`` (metres are then those East and North of the first row). The columns of the IPIN 2023 truth files
 (``t_app_s,checkpoint,lat_deg,lon_deg,floor,east_m,north_m``) are understood too.
 """
 

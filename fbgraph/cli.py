@@ -17,6 +17,9 @@ from fbgraph import __version__
 from fbgraph.errors import ConfigError, FbgraphError
 
 if TYPE_CHECKING:
+    from fbgraph.config import Config
+    from fbgraph.georeference import Georeference
+    from fbgraph.live_view import LiveView
     from fbgraph.online import Update
     from fbgraph.pipeline import Progress
 
@@ -49,6 +52,9 @@ AnchorsOption = Annotated[
     typer.Option("--anchors", metavar="CSV", help="Known places for the smoother: t_s,x_m,y_m[,z_m][,sigma_m]."),
 ]
 ClosedLoopOption = Annotated[bool, typer.Option("--closed-loop", help="The walk ends where it began.")]
+OriginOption = Annotated[
+    str | None, typer.Option("--origin", metavar="LAT,LON", help="Where on Earth the walk began, in degrees.")
+]
 NoRecordingOption = Annotated[bool, typer.Option("--no-recording", help="Write no recording.rrd.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
@@ -100,23 +106,35 @@ def smooth(
     truth: TruthOption = None,
     anchors: AnchorsOption = None,
     closed_loop: ClosedLoopOption = False,
+    origin: OriginOption = None,
     no_recording: NoRecordingOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps."""
     from fbgraph.checkpoints import read_checkpoints
     from fbgraph.config import load_config
+    from fbgraph.georeference import parse_origin
     from fbgraph.pipeline import reconstruct, write_run
     from fbgraph.readers import preset, read_log
 
     load_config(config, set_ or ())  # a wrong option is told before a long log is read
     known = None if truth is None else read_checkpoints(truth)
     anchored = None if anchors is None else read_checkpoints(anchors)
+    where = None if origin is None else parse_origin(origin)
     with _progress() as progress:
         progress("read")
         log_file = read_log(log, format_)
         effective = load_config(config or preset(log_file.log.format), set_ or ())
-        result = reconstruct(log_file.log, effective, known or log_file.truth, anchored, closed_loop, progress=progress)
+        result = reconstruct(
+            log_file.log,
+            effective,
+            known or log_file.truth,
+            anchored,
+            closed_loop,
+            where,
+            _inputs(log, format_, truth, anchors, closed_loop, where),
+            progress,
+        )
         folder = out or Path("runs") / log_file.log.name
         summary = write_run(result, folder, recording=not no_recording, progress=progress)
     if as_json:
@@ -152,6 +170,7 @@ def online(
     truth: TruthOption = None,
     anchors: AnchorsOption = None,
     closed_loop: ClosedLoopOption = False,
+    origin: OriginOption = None,
     no_recording: NoRecordingOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -159,6 +178,8 @@ def online(
     from fbgraph import session
     from fbgraph.checkpoints import read_checkpoints
     from fbgraph.config import load_config
+    from fbgraph.exports import check_run_folder
+    from fbgraph.georeference import parse_origin
     from fbgraph.readers import preset, read_log
     from fbgraph.sources import open_source
 
@@ -172,23 +193,17 @@ def online(
             raise ConfigError("--out DIR says where the walk is kept")
         folder = Path("runs") / log.name.removesuffix(".gz").rpartition(".")[0]
     show = _update_printer(follow, as_json)
-    if view or connect:
-        from fbgraph.live_view import LiveView
-
-        shown, viewer = show, LiveView(connect)
-
-        def show(update: Update) -> None:
-            shown(update)
-            viewer.show(update)
-
     known = None if truth is None else read_checkpoints(truth)
+    where = None if origin is None else parse_origin(origin)
+    inputs = _inputs(log, format_, truth, anchors, closed_loop, where)
+    check_run_folder(folder)
     stopping = _stop_on_signals()
     if log is not None:
         log_file = read_log(log, format_)
-        summary = session.replay(
+        effective = load_config(config or preset(log_file.log.format), set_ or ())
+        result = session.replay(
             log_file.log,
-            folder,
-            load_config(config or preset(log_file.log.format), set_ or ()),
+            effective,
             chunk_s=chunk,
             speed=_speed(speed),
             on_update=show,
@@ -196,12 +211,15 @@ def online(
             truth=known or log_file.truth,
             anchors=None if anchors is None else read_checkpoints(anchors),
             closed_walk=closed_loop,
+            origin=where,
             recording=not no_recording,
+            view=_live_view(effective, view, connect),
+            inputs=inputs,
         )
     else:
         assert source is not None
         effective = session.resumed_config(folder) if resume else load_config(config or "m5stickc", set_ or ())
-        summary = session.live(
+        result = session.live(
             open_source(source, stopping),
             folder,
             effective,
@@ -209,13 +227,45 @@ def online(
             resume=resume is not None,
             closed_walk=closed_loop,
             truth=known,
+            origin=where,
             recording=not no_recording,
+            view=_live_view(effective, view, connect),
+            inputs=inputs,
         )
+    summary = session.write_walk(result, folder, recording=not no_recording)
     if as_json:
         print(json.dumps({"out": str(folder), **summary}))
     else:
         _print_summary(summary)
         print(f"written to {folder}")
+
+
+def _live_view(config: Config, view: bool, url: str | None) -> LiveView | None:
+    if not view and url is None:
+        return None
+    _require_rerun()
+    from fbgraph.live_view import LiveView
+
+    return LiveView(config, url)
+
+
+def _inputs(
+    log: Path | None,
+    format_: str | None,
+    truth: Path | None,
+    anchors: Path | None,
+    closed_walk: bool,
+    origin: Georeference | None,
+) -> dict[str, Any]:
+    """What a run is made from, for ``fbgraph record`` to make it again."""
+    return {
+        "log": None if log is None else str(log.resolve()),
+        "format": format_,
+        "truth": None if truth is None else str(truth.resolve()),
+        "anchors": None if anchors is None else str(anchors.resolve()),
+        "closed_walk": closed_walk,
+        "origin": None if origin is None else [origin.lat_deg, origin.lon_deg],
+    }
 
 
 def _speed(text: str) -> float:
@@ -259,6 +309,62 @@ def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
             )
 
     return show
+
+
+@app.command()
+def view(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN|FILE…", help="Run folders or .rrd files.")],
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write what would be shown, open nothing.")
+    ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Show it in a browser.")] = False,
+) -> None:
+    """Open recordings in the Rerun viewer, several side by side under one timeline."""
+    import shutil
+    import subprocess
+    import tempfile
+
+    _require_rerun()
+    from fbgraph.comparison import compare, recording_of
+
+    with tempfile.TemporaryDirectory(prefix="fbgraph-") as folder:
+        shown = recording_of(runs[0])
+        if len(runs) > 1:
+            shown = Path(folder) / "comparison.rrd"
+            compare(runs, shown)
+        if save is not None:
+            try:
+                shutil.copyfile(shown, save)
+            except OSError as error:
+                raise ConfigError(f"--save {save}: cannot write there: {error.strerror or error}") from error
+            print(f"written to {save}")
+            return
+        command = [sys.executable, "-m", "rerun", str(shown), *(["--web-viewer"] if web else [])]
+        if code := subprocess.run(command).returncode:
+            raise ConfigError(f"the Rerun viewer ended with code {code}; without a screen, --web or --save FILE may do")
+
+
+@app.command()
+def record(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
+    log: Annotated[Path | None, typer.Option(metavar="LOG", help="Where its log is now, if it has moved.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.rrd", help="RUN/recording.rrd if absent.")] = None,
+) -> None:
+    """Write the recording of a run again."""
+    _require_rerun()
+    from fbgraph import reruns
+
+    try:
+        print(f"written to {reruns.record(run, out, log)}")
+    except OSError as error:
+        raise ConfigError(f"{out or run}: cannot write there: {error.strerror or error}") from error
+
+
+def _require_rerun() -> None:
+    from importlib.util import find_spec
+
+    if find_spec("rerun") is None:
+        raise ConfigError("rerun-sdk is not installed; `pip install rerun-sdk` brings recordings and the viewer")
 
 
 @app.command()

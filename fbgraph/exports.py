@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from fbgraph import __version__
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import dump_toml
 from fbgraph.errors import ConfigError, DataError
+from fbgraph.findings import find
+from fbgraph.geometry import FloatArray
 from fbgraph.guidance import find_turns
 from fbgraph.metrics import Alignment, score
 from fbgraph.result import WalkResult
@@ -64,13 +67,13 @@ def check_run_folder(out: Path) -> None:
         raise ConfigError(f"--out {out}: exists and is not a run folder; name another, or remove it")
 
 
-def write_tables(result: WalkResult, folder: Path) -> None:
-    """Trajectories, breadcrumbs, summary and configuration into an existing folder."""
+def write_tables(result: WalkResult, folder: Path, summary: dict[str, Any]) -> None:
+    """Trajectories, breadcrumbs, summary (of ``summarize``) and configuration into an existing folder."""
     for name, trajectory in result.trajectories.items():
         write_tum(folder / f"{name}.tum", trajectory, result.log.t0_s)
     write_breadcrumbs(folder / "breadcrumbs.csv", result.smoothed.trajectory, result.log.t0_s)
     (folder / "config.toml").write_text(dump_toml(result.config), "utf-8")
-    (folder / "summary.json").write_text(json.dumps(summarize(result), indent=2) + "\n", "utf-8")
+    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
 
 
 def write_breadcrumbs(path: Path, trajectory: Trajectory, t0_s: float) -> None:
@@ -151,6 +154,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "distance_m": float(final.distance_m[-1]),
         "turns": len(find_turns(final)),
         "altitude_range_m": [float(final.z_m.min()), float(final.z_m.max())],
+        "end_2sigma_m": None if final.cov_xy_yaw is None else 2.0 * _longest_axis_m(final.cov_xy_yaw[-1]),
         "gyro_bias_deg_s": float(np.degrees(final.gyro_bias_rad_s[-1])),
         "rest_s": float(track.rest_s.sum()),
         "closed_walk": result.closed_walk,
@@ -166,8 +170,16 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         },
         "seconds": {name: round(value, 3) for name, value in result.seconds.items()},
         "versions": {name: version(name) for name in ("gtsam", "numpy", "scipy", "vqf")},
+        "georeference": None if (where := result.georeference) is None else asdict(where),
+        "inputs": dict(result.inputs),
+        "findings": [asdict(finding) for finding in find(result)],
         "warnings": warnings(result),
     }
+
+
+def _longest_axis_m(cov_xy_yaw: FloatArray) -> float:
+    """One sigma along the longest axis of the horizontal ellipse."""
+    return float(np.sqrt(np.linalg.eigvalsh(cov_xy_yaw[:2, :2])[1]))
 
 
 def warnings(result: WalkResult) -> list[str]:
@@ -236,6 +248,19 @@ def summary_markdown(summary: dict[str, Any]) -> str:
         f"# {summary['log']['name']}",
         f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, {summary['distance_m']:.0f} m, "
         f"{summary['turns']} turns, altitude {low:+.1f} to {high:+.1f} m.",
+    ]
+    x_m, y_m, _ = (smoothed := summary["estimators"]["smoothed"])["end_m"]
+    if summary["anchors"] == 0:
+        east, north = "East" if x_m >= 0 else "West", "North" if y_m >= 0 else "South"
+        ends = f"The smoothed walk ends {abs(x_m):.1f} m {east} and {abs(y_m):.1f} m {north} of its start"
+    else:
+        ends = f"The smoothed walk ends at {x_m:.1f}, {y_m:.1f} in the anchors' frame"
+    if summary.get("end_2sigma_m") is not None:
+        ends += f", ± {summary['end_2sigma_m']:.1f} m (2σ)"
+    lines += ["", f"{ends}."]
+    if "score" in smoothed:
+        lines[-1] += f" By the truth it ends {smoothed['score']['final_m']:.1f} m off."
+    lines += [
         "",
         "| estimator | end x, y (m) | RMSE (m) | max (m) | final (m) | scored |",
         "|---|---|---|---|---|---|",
@@ -250,4 +275,11 @@ def summary_markdown(summary: dict[str, Any]) -> str:
             row += " – | – | – | no truth |"
         lines.append(row)
     lines += ["", "## Warnings", *(f"- {text}" for text in summary["warnings"])] if summary["warnings"] else []
+    if summary.get("findings"):
+        lines += ["", "## Worth a look"]
+    for f in summary.get("findings", []):
+        when = (
+            f"{f['start_s']:.0f} s" if f["end_s"] - f["start_s"] < 1.0 else f"{f['start_s']:.0f} to {f['end_s']:.0f} s"
+        )
+        lines.append(f"- {when}: {f['text']}")
     return "\n".join(lines) + "\n"

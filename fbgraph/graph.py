@@ -31,6 +31,7 @@ from gtsam.symbol_shorthand import B, X, Z
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import GraphConfig
 from fbgraph.field import FieldMemory
+from fbgraph.geometry import FloatArray, IntArray
 from fbgraph.steps import Step
 
 Graph = Any  # gtsam.NonlinearFactorGraph; the wheel's stubs are incomplete
@@ -199,15 +200,20 @@ def anchor_factor(k: int, x_m: float, y_m: float, sigma_m: float) -> Any:
 
 
 def anchor_factors(
-    anchors: Checkpoints, t0_s: float, t_s: np.ndarray, length_m: np.ndarray, config: GraphConfig
+    anchors: Checkpoints, t0_s: float, t_s: FloatArray, length_m: FloatArray, config: GraphConfig
 ) -> list[Any]:
     """Anchors at the breadcrumbs nearest in time; the distance walked meanwhile adds to their sigma."""
     factors = []
-    for at_s, x_m, y_m, sigma_m in zip(anchors.t_s - t0_s, anchors.x_m, anchors.y_m, anchors.sigma_m, strict=True):
-        k = int(np.argmin(np.abs(t_s - at_s)))
+    crumbs = anchor_breadcrumbs(anchors, t0_s, t_s).tolist()
+    for k, x_m, y_m, sigma_m in zip(crumbs, anchors.x_m, anchors.y_m, anchors.sigma_m, strict=True):
         sigma = anchor_sigma(float(sigma_m), float(length_m[k]) if k > 0 else 0.0, config)
         factors.append(anchor_factor(k, float(x_m), float(y_m), sigma))
     return factors
+
+
+def anchor_breadcrumbs(anchors: Checkpoints, t0_s: float, t_s: FloatArray) -> IntArray:
+    """(M,) indices of the breadcrumbs nearest in time to M anchors."""
+    return np.asarray(np.abs(t_s[None, :] - (anchors.t_s - t0_s)[:, None]).argmin(axis=1))
 
 
 def anchor_sigma(sigma_m: float, length_m: float, config: GraphConfig) -> float:

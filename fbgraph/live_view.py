@@ -1,71 +1,103 @@
-"""A walk in a Rerun viewer while it is walked: the same entities, colours and clock as in its recording."""
+"""A walk in a Rerun viewer while it is walked: the recording's own code, entities and layout, piece by piece."""
 
 from __future__ import annotations
 
-import numpy as np
-import rerun as rr
-import rerun.blueprint as rrb
+import time
+from collections.abc import Sequence
 
-from fbgraph.errors import ConfigError
-from fbgraph.online import Update
-from fbgraph.palette import COLORS
-from fbgraph.rrd import APPLICATION_ID
+from fbgraph.attitude import LevelledSignals
+from fbgraph.blueprint import blueprint
+from fbgraph.config import Config
+from fbgraph.ekf import run_ekf
+from fbgraph.log import SensorLog
+from fbgraph.online import Belief, OnlineSmoother
+from fbgraph.pdr import dead_reckon
+from fbgraph.recording import Recorder
+from fbgraph.result import WalkResult
+from fbgraph.rrd import RrdWriter
 
-_LINE = rr.Radius.ui_points(2.5)
-_STRIP_STEPS = 100
-_DOT = rr.Radius.ui_points(7.0)
+_EVERY_S = 0.2  # of wall time: a viewer is sent what came since, however fast it comes
 
 
 class LiveView:
-    """Shows each update as it comes."""
+    """Shows what is fed to an online smoother, and what it makes of it."""
 
-    def __init__(self, url: str | None = None) -> None:
+    def __init__(self, config: Config, url: str | None = None, rrd: RrdWriter | None = None) -> None:
         """Open a viewer, or connect to a running one.
 
         Args:
+            config: the effective configuration of the walk.
             url: ``rerun+http://HOST:PORT/proxy``; a viewer is started if None.
+            rrd: a stream that already goes somewhere, instead of a viewer.
 
         Raises:
             ConfigError: there is no viewer to be had.
         """
-        self._stream = rr.RecordingStream(APPLICATION_ID)
-        self._path: list[tuple[float, float]] = []
-        arranged = rrb.Blueprint(
-            rrb.Horizontal(
-                rrb.Spatial2DView(origin="/", contents="/map/**", name="Map, North up"),
-                rrb.Vertical(
-                    rrb.TimeSeriesView(origin="state/yaw_deg", name="Direction [°]"),
-                    rrb.TimeSeriesView(origin="state/gyro_bias_deg_s", name="Gyro bias [°/s]"),
-                    rrb.TimeSeriesView(origin="state/altitude_m", name="Altitude [m]"),
-                ),
-                column_shares=[3, 2],
-            )
-        )
-        try:
-            if url is None:
-                self._stream.spawn(default_blueprint=arranged)
-            else:
-                self._stream.connect_grpc(url, default_blueprint=arranged)
-        except (RuntimeError, ValueError, OSError) as error:
-            raise ConfigError(f"--view: no viewer: {str(error).splitlines()[0]}") from error
-        self._stream.log("map", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)  # North up
-        for entity, label in (("yaw_deg", "°"), ("gyro_bias_deg_s", "°/s"), ("altitude_m", "m")):
-            style = rr.SeriesLines(names=f"online [{label}]", colors=COLORS["online"])
-            self._stream.log(f"state/{entity}/online", style, static=True)
+        self._config = config
+        self._rrd = rrd or RrdWriter()
+        if rrd is None:
+            self._rrd.view(url, blueprint(()))
+        self._recorder = Recorder(self._rrd, config)
+        self._pieces: list[SensorLog] = []
+        self._signals: list[LevelledSignals] = []
+        self._beliefs: list[Belief] = []
+        self._steps = 0
+        self._arranged: set[str] = set()
+        self._due_s = 0.0
 
-    def show(self, update: Update) -> None:
-        """Log one update: where the wearer is believed to be, and how they came there."""
-        self._stream.set_time("time", duration=update.t_s)
-        self._stream.set_time("step", sequence=update.k)
-        self._stream.set_time("distance_cm", sequence=round(100.0 * update.distance_m))
-        # a strip grows with every step: one that is long enough is left alone and another begun
-        if update.k % _STRIP_STEPS == 1:
-            self._path = self._path[-1:]
-        self._path.append((update.x_m, update.y_m))
-        color = COLORS["online"]
-        strip = f"map/online/path/{max(update.k - 1, 0) // _STRIP_STEPS}"
-        self._stream.log(strip, rr.LineStrips2D([self._path], colors=[color], radii=_LINE))
-        self._stream.log("map/online/position", rr.Points2D([self._path[-1]], colors=[color], radii=_DOT))
-        self._stream.log("state/yaw_deg/online", rr.Scalars(np.degrees(update.yaw_rad)))
-        self._stream.log("state/gyro_bias_deg_s/online", rr.Scalars(np.degrees(update.gyro_bias_rad_s)))
-        self._stream.log("state/altitude_m/online", rr.Scalars(update.z_m))
+    def fed(self, piece: SensorLog, smoother: OnlineSmoother, beliefs: Sequence[Belief]) -> None:
+        """Note a piece of log that the smoother was just fed, and what it came to believe."""
+        self._pieces.append(piece)
+        if smoother.signals is not None:
+            self._signals.append(smoother.signals)
+        self._beliefs += beliefs
+        if time.monotonic() >= self._due_s:
+            self._flush(smoother)
+            self._due_s = time.monotonic() + _EVERY_S
+
+    def finished(self, result: WalkResult, smoother: OnlineSmoother, summary_markdown: str) -> None:
+        """Show the finished walk."""
+        self._flush(smoother)
+        self._recorder.clock(result.smoothed.trajectory)
+        for name, trajectory in result.trajectories.items():
+            if name == "smoothed":
+                self._recorder.states(name, trajectory)
+            elif self._steps < len(trajectory):
+                self._recorder.states(name, trajectory, self._steps)
+        self._recorder.finished(result, summary_markdown)
+        self._rrd.arrange(self._recorder.arranged)
+
+    def _flush(self, smoother: OnlineSmoother) -> None:
+        """Send what came since the last time."""
+        signals = LevelledSignals.concatenate(self._signals) if self._signals else None
+        pieces, self._pieces, self._signals = self._pieces, [], []
+        if signals is not None and len(pieces):
+            self._recorder.samples(SensorLog.concatenate(pieces), signals)
+        if not smoother.steps:
+            return
+        track, first = smoother.track, self._steps
+        online = smoother.causal
+        self._recorder.clock(online)
+        self._recorder.steps(track, first)
+        if signals is not None:
+            self._recorder.wearer(signals, track)
+        if len(track) > first:
+            trajectories = {
+                "pdr": dead_reckon(track, self._config.step_length),
+                "ekf": run_ekf(track, self._config.ekf),
+                "online": online,
+            }
+            for name, trajectory in trajectories.items():
+                self._recorder.states(name, trajectory, first)
+                self._recorder.path(name, trajectory, first)
+        self._recorder.believed(self._beliefs)
+        self._steps, self._beliefs = len(track), []
+        # views come into being with what they show: sensors first, then steps
+        if tabs_of(self._rrd.entities) != self._arranged:
+            self._arranged = tabs_of(self._rrd.entities)
+            self._rrd.arrange(blueprint(self._rrd.entities))
+
+
+def tabs_of(entities: set[str]) -> set[str]:
+    """What decides which views there are: the first two parts of each path."""
+    return {"/".join(entity.split("/")[:2]) for entity in entities}

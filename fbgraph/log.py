@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -91,4 +91,21 @@ class SensorLog:
             mag=self.mag.between(start_s, end_s),
             pressure=self.pressure.between(start_s, end_s),
             events=tuple(e for e in self.events if start_s <= e.t_s < end_s),
+        )
+
+    @staticmethod
+    def concatenate(pieces: Sequence[SensorLog]) -> SensorLog:
+        """Pieces in order of time as one; what else there is to know is the last one's."""
+
+        def joined(name: str) -> Stream:
+            streams = [getattr(piece, name) for piece in pieces]
+            return Stream(np.concatenate([s.t_s for s in streams]), np.concatenate([s.values for s in streams]))
+
+        return replace(
+            pieces[-1],
+            acc=joined("acc"),
+            gyro=joined("gyro"),
+            mag=joined("mag"),
+            pressure=joined("pressure"),
+            events=tuple(event for piece in pieces for event in piece.events),
         )

@@ -86,6 +86,40 @@ def score(trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, alignme
     )
 
 
+@dataclass(frozen=True)
+class LegErrors:
+    """Error of each leg between consecutive checkpoints: what a position error is made of.
+
+    Attributes:
+        start_s, end_s: (L,) since log start.
+        length_rel: (L,) estimated over true length, minus 1.
+        yaw_rad: (L,) estimated minus true direction, counter-clockwise.
+    """
+
+    start_s: FloatArray
+    end_s: FloatArray
+    length_rel: FloatArray
+    yaw_rad: FloatArray
+
+
+def leg_errors(trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, min_leg_m: float = 2.0) -> LegErrors:
+    """Straight from checkpoint to checkpoint, estimated against true; arguments as in ``checkpoint_errors``.
+
+    Args:
+        trajectory, truth, t0_s: as there.
+        min_leg_m: checkpoints closer to the one before are skipped: their direction is that of the survey's error.
+    """
+    t_s = truth.t_s - t0_s
+    chosen = [0]
+    for i in range(1, len(truth)):
+        if np.hypot(*(truth.xy_m[i] - truth.xy_m[chosen[-1]])) >= min_leg_m:
+            chosen.append(i)
+    estimated = np.diff(trajectory.at(t_s[chosen])[:, :2], axis=0) @ (1.0, 1j)
+    true = np.diff(truth.xy_m[chosen], axis=0) @ (1.0, 1j)
+    ratio = estimated / true
+    return LegErrors(t_s[chosen[:-1]], t_s[chosen[1:]], np.abs(ratio) - 1.0, np.angle(ratio))
+
+
 def _rigid_fit(points: FloatArray, targets: FloatArray) -> FloatArray:
     """Points moved and turned onto targets in the least-squares sense (2-D Kabsch, in complex numbers)."""
     a = (points - points.mean(axis=0)) @ (1.0, 1.0j)

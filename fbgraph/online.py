@@ -10,6 +10,7 @@ batch smoother's answer. (A very long walk is given to the batch solver for that
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -147,6 +148,11 @@ class OnlineSmoother:
         nodes = self._read_window()
         xy_m = np.array([(node.x_m, node.y_m) for node in nodes])
         return Belief(len(self._steps) - 1, self._steps[-1].t_s, self._first, xy_m)
+
+    @property
+    def steps(self) -> Sequence[Step]:
+        """The steps so far, the standing start among them."""
+        return self._steps
 
     @property
     def track(self) -> StepTrack:

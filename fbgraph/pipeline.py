@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from fbgraph.config import Config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError
 from fbgraph.exports import run_folder, summarize, summary_markdown, write_tables
+from fbgraph.georeference import Georeference
 from fbgraph.log import SensorLog
 from fbgraph.pdr import dead_reckon
 from fbgraph.result import WalkResult
@@ -33,6 +35,8 @@ def reconstruct(
     truth: Checkpoints | None = None,
     anchors: Checkpoints | None = None,
     closed_walk: bool = False,
+    origin: Georeference | None = None,
+    inputs: Mapping[str, Any] | None = None,
     progress: Progress = lambda stage: None,
 ) -> WalkResult:
     """Run dead reckoning, the EKF pipeline and the smoother on the same steps of one log.
@@ -43,6 +47,7 @@ def reconstruct(
         truth: known places; carried along for scoring, no estimator sees them.
         anchors: known places that the smoother may use, on the clock ``t_s + log.t0_s``.
         closed_walk: tell the smoother that the walk ends where it began.
+        origin, inputs: as in ``WalkResult``.
         progress: told each stage.
 
     Raises:
@@ -77,6 +82,8 @@ def reconstruct(
         anchors=anchors,
         closed_walk=closed_walk,
         seconds=seconds,
+        origin=origin,
+        inputs=inputs or {},
     )
 
 
@@ -89,15 +96,29 @@ def write_run(
         ConfigError: ``out`` cannot be written or holds something else.
         DataError: truth that does not belong to this log.
     """
-    summary = summarize(result)
     with run_folder(out) as folder:
-        progress("tables")
-        write_tables(result, folder)
-        if recording:
-            progress("recording")
-            from fbgraph.recording import write_recording  # rerun takes a second to import
+        return write_files(result, folder, recording, progress)
 
-            write_recording(result, folder / "recording.rrd", summary_markdown(summary))
+
+def write_files(
+    result: WalkResult, folder: Path, recording: bool = True, progress: Progress = lambda stage: None
+) -> dict[str, Any]:
+    """Write all files of a run into an existing folder and return the summary.
+
+    Raises:
+        DataError: truth that does not belong to this log.
+    """
+    progress("tables")
+    summary = summarize(result)
+    if recording and find_spec("rerun") is None:
+        recording = False
+        summary["warnings"].append("no recording.rrd: rerun-sdk is not installed (pip install rerun-sdk)")
+    write_tables(result, folder, summary)
+    if recording:
+        progress("recording")
+        from fbgraph.recording import write_recording  # rerun takes a second to import
+
+        write_recording(result, folder / "recording.rrd", summary_markdown(summary))
     return summary
 
 

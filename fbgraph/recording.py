@@ -1,10 +1,11 @@
-"""A Rerun recording of a finished walk: what an analyst opens to see where and why it went wrong.
+"""What an analyst opens to see where a walk went and why it went wrong, as a file or live in a viewer.
 
 Entities
-    ``world/…`` in space (x East, y North, z up, metres): ``{estimator}/path`` and ``{estimator}/position``,
-    ``smoothed/{ends,breadcrumbs,ellipses,closure}``, ``truth/{path,checkpoints}``, ``anchors``. ``map/…`` the same in
-    the plane, in the same coordinates; Rerun's 2-D views have y down, so a transform at ``map`` turns North up again.
-    ``sensors/{acc,gyro,mag,pressure}``, ``state/…``, ``steps``, ``error_m/{estimator}``, ``events``, ``summary``.
+    ``world/…``, ``map/…``, ``geo/…``: places, see ``fbgraph.scene``. ``sensors/…``: the raw streams. ``state/…``: what
+    the estimators say at each breadcrumb, beside what it was made from, with ±2σ bands. ``lanes/…``: what went on when.
+    ``uncertainty_m/…``, ``error_m/…``, ``legs/…``: how sure, and where truth is known how wrong. ``residuals/…`` and
+    ``weights/…``: what each factor of the graph still has to complain about, and what its robust loss left it.
+    ``solver/…``, ``graph``, ``summary``: the solver, and two texts.
 Timelines
     ``time``, ``step`` and ``distance_cm``; see ``fbgraph.rrd``.
 
@@ -14,29 +15,32 @@ Equal results give recordings that ``rerun rrd compare`` finds equal: nothing in
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
 
-from fbgraph.blueprint import Frame, blueprint
+from fbgraph import scene
+from fbgraph.attitude import LevelledSignals
+from fbgraph.blueprint import blueprint
+from fbgraph.config import Config
 from fbgraph.errors import DataError
 from fbgraph.exports import score_label
+from fbgraph.findings import DOUBTED, MOVING, STANDING, TRUSTED, WALKING, compass_lane, compass_trust, find, wearer_lane
 from fbgraph.geometry import FloatArray, wrap_angle
-from fbgraph.metrics import checkpoint_errors
+from fbgraph.log import SensorLog
+from fbgraph.metrics import checkpoint_errors, leg_errors
+from fbgraph.online import Belief
 from fbgraph.palette import AXIS_COLORS, COLORS, LABELS
-from fbgraph.result import ESTIMATORS, WalkResult
-from fbgraph.rrd import RrdWriter
+from fbgraph.result import WalkResult
+from fbgraph.rrd import Rgba, RrdWriter
+from fbgraph.scene import FAINT, SIGMAS, ordered
+from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
 
-_SIGMAS = 2.0  # of ellipses and bands
-_ELLIPSES = 10  # about so many along a walk; more hide each other
-_ELLIPSE_POINTS = 33
 _ACC_NORM_HZ = 20.0  # of |acc| beside the steps; the raw stream has every sample
-_SAME_PLACE_M = 0.5  # checkpoints closer than this share a label ...
-_SAME_FLOOR_M = 2.0  # ... unless one lies on another floor
-_MOST_LABELS = 100
-_FAINT = 110  # opacity, of 255, of bands and ellipses
+_PAUSE_S = 3.0  # curves of steps are broken where nobody stepped for longer
 _SENSORS = {
     # unit, and a power of two finer than the sensor resolves: rounded to it, numbers take a third less of the file
     "acc": ("m/s²", 2.0**-10),
@@ -44,211 +48,300 @@ _SENSORS = {
     "mag": ("µT", 2.0**-6),
     "pressure": ("hPa", 2.0**-10),
 }
+_WEARER_COLORS: dict[str, Rgba] = {WALKING: (0, 114, 178), STANDING: (110, 110, 110), MOVING: (96, 72, 140)}
+_COMPASS_COLORS: dict[str, Rgba] = {TRUSTED: (0, 110, 80), DOUBTED: COLORS["sensor"]}
+_CIRCLE = rr.components.MarkerShape.Circle
+_DIAMOND = rr.components.MarkerShape.Diamond
 
 
-def write_recording(result: WalkResult, path: Path, summary_markdown: str) -> None:
+class Recorder:
+    """Logs a walk as it becomes known: all at once into a file, or piece by piece into a viewer."""
+
+    def __init__(self, rrd: RrdWriter, config: Config) -> None:
+        """Begin.
+
+        Args:
+            rrd: where to.
+            config: the effective configuration of the walk.
+        """
+        self._rrd = rrd
+        self._config = config
+        self._beliefs = scene.Beliefs()
+        self._yaw_s = self._yaw_rad = self._shown_rad = np.zeros(1)
+        self._acc_known = False
+        self._acc_s = self._acc = np.zeros(0)
+        self._lanes: dict[str, str | None] = {}
+        scene.begin(rrd)
+
+    def clock(self, trajectory: Trajectory) -> None:
+        """The trajectory whose steps and distances are the timelines, and beside whose headings others are shown."""
+        self._rrd.clock(trajectory.t_s, trajectory.distance_m)
+        self._yaw_s, self._yaw_rad = trajectory.t_s, trajectory.yaw_rad
+        self._shown_rad = trajectory.yaw_rad - 2.0 * np.pi * _laps(trajectory.yaw_rad)
+
+    def samples(self, log: SensorLog, signals: LevelledSignals) -> None:
+        """The raw streams and events of a piece of log, and |acc| as the step detector sees it."""
+        rrd = self._rrd
+        for name, (unit, resolution) in _SENSORS.items():
+            stream = getattr(log, name)
+            values = np.round(stream.values / resolution) * resolution
+            if values.shape[1] == 1:
+                labels, colors = [f"{name} [{unit}]"], [COLORS["sensor"]]
+            else:
+                labels, colors = [f"{name} {axis} [{unit}]" for axis in "xyz"], list(AXIS_COLORS)
+            gap_s = self._config.attitude.max_gap_s if name in ("acc", "gyro") else np.inf
+            rrd.series(
+                f"sensors/{name}", stream.t_s, values, labels, colors, width=1.0, only_time=True, max_gap_s=gap_s
+            )
+        every = max(round(self._config.attitude.rate_hz / _ACC_NORM_HZ), 1)
+        count = len(signals) // every * every
+        t_s = signals.t_s[:count].reshape(-1, every).mean(axis=1)
+        acc_norm = signals.acc_norm_m_s2[:count].reshape(-1, every).mean(axis=1)
+        rrd.series("state/acc_norm_m_s2", t_s, acc_norm, ["|acc| [m/s²]"], [COLORS["sensor"]], only_time=True)
+        keep = int(10.0 * _ACC_NORM_HZ)  # steps are found some seconds late
+        self._acc_s, self._acc = (
+            np.concatenate((self._acc_s[-keep:], t_s)),
+            np.concatenate((self._acc[-keep:], acc_norm)),
+        )
+        if log.events:
+            at_s = np.array([event.t_s for event in log.events])
+            texts = [event.label for event in log.events]
+            levels = [rr.TextLogLevel.INFO] * len(texts)
+            rrd.columns("events", at_s, rr.TextLog.columns(text=texts, level=levels))
+
+    def steps(self, track: StepTrack, first: int = 0) -> None:
+        """What each step from ``first`` on measured."""
+        rrd, sensor = self._rrd, COLORS["sensor"]
+        t_s = track.t_s[first:]
+        walked = slice(max(first, 1), None)  # the standing start has neither length nor frequency
+        if len(t_s) == 0:
+            return
+        step_s = track.t_s[walked]
+        at_steps = np.interp(step_s, self._acc_s, self._acc) if len(self._acc_s) else np.full(len(step_s), 9.81)
+        rrd.series("steps", step_s, at_steps, ["step"], [COLORS["step"]], width=2.0, points=_DIAMOND)
+        frequency = track.frequency_hz[walked]
+        names, colors = ["step frequency [Hz]"], [COLORS["step"]]
+        rrd.series("state/step_frequency_hz", step_s, frequency, names, colors, max_gap_s=_PAUSE_S)
+        length = track.length_m[walked]
+        rrd.series("state/step_length_m/measured", step_s, length, ["by its model"], colors, max_gap_s=_PAUSE_S)
+        graph = self._config.graph
+        sigma = np.hypot(graph.sigma_length_rel * length, graph.sigma_slope_rel * track.shortened_m[walked])
+        faint = [(*COLORS["step"], FAINT)] * 2
+        names = [f"by its model ±{SIGMAS:g}σ"] * 2
+        table = np.maximum(_band(length, sigma), 0.0)
+        rrd.series("state/step_length_m/measured_2sigma", step_s, table, names, faint, width=1.0, max_gap_s=_PAUSE_S)
+        compass = np.degrees(self._beside(track.t_s[first:], track.yaw_mag_rad[first:]))
+        rrd.series("state/yaw_deg/compass", t_s, compass, ["compass"], [sensor], points=_CIRCLE)
+        rest = np.degrees(np.where(track.rest_s > 0, track.rest_rate_rad_s, np.nan))[first:]
+        rrd.series("state/gyro_bias_deg_s/rest", t_s, rest, ["while standing"], [sensor], width=2.5, points=_CIRCLE)
+        norm, dip = track.mag_norm_ut[first:], np.degrees(track.mag_dip_rad[first:])
+        rrd.series("state/field/norm_ut", t_s, norm, ["strength [µT]"], [sensor], max_gap_s=_PAUSE_S)
+        rrd.series("state/field/dip_deg", t_s, dip, ["dip [°]"], [AXIS_COLORS[1]], max_gap_s=_PAUSE_S)
+        known = np.flatnonzero(np.isfinite(track.altitude_m))
+        if len(known):
+            altitude = (track.altitude_m - track.altitude_m[known[0]])[first:]
+            rrd.series("state/altitude_m/barometer", t_s, altitude, ["barometer"], [sensor], points=_CIRCLE)
+
+    def wearer(self, signals: LevelledSignals, track: StepTrack) -> None:
+        """What the wearer did during these signals."""
+        self._lane("wearer", wearer_lane(signals, track, self._config.attitude.still_window_s), _WEARER_COLORS)
+
+    def states(self, name: str, trajectory: Trajectory, first: int = 0) -> None:
+        """What an estimator says at each breadcrumb from ``first`` on."""
+        rrd, label, color = self._rrd, [LABELS[name]], [COLORS[name]]
+        t_s = trajectory.t_s[first:]
+        if len(t_s) == 0:
+            return
+        yaw_deg = np.degrees(self._beside(t_s, trajectory.yaw_rad[first:]))
+        rrd.series(f"state/yaw_deg/{name}", t_s, yaw_deg, label, color, max_gap_s=_PAUSE_S)
+        if name != "pdr":  # it has neither
+            bias = np.degrees(trajectory.gyro_bias_rad_s[first:])
+            rrd.series(f"state/gyro_bias_deg_s/{name}", t_s, bias, label, color)
+            if "state/altitude_m/barometer" in rrd.entities:
+                rrd.series(f"state/altitude_m/{name}", t_s, trajectory.z_m[first:], label, color)
+
+    def path(self, name: str, trajectory: Trajectory, first: int = 0) -> None:
+        """The places of an estimator, new ones from ``first`` on."""
+        scene.path(self._rrd, name, trajectory, first)
+
+    def believed(self, beliefs: Sequence[Belief]) -> None:
+        """What the online smoother took the walk to be."""
+        self._beliefs.add(self._rrd, beliefs)
+
+    def finished(self, result: WalkResult, summary_markdown: str, active_tab: int = 0) -> None:
+        """What only the whole walk tells; what it shares with the walk in progress must have been logged."""
+        rrd = self._rrd
+        errors = _errors(result)
+        rrd.fixed("summary", rr.TextDocument(summary_markdown, media_type=rr.MediaType.MARKDOWN))
+        self._told(result)
+        self._hindsight(result)
+        self._graph(result)
+        self._errors(result, errors)
+        self._lane("compass", compass_lane(result), _COMPASS_COLORS)
+        scores = {name: float(np.sqrt((error_m**2).mean())) for name, (_, error_m) in errors.items()}
+        frame = scene.finished(rrd, result, scores)
+        self._beliefs.finish(rrd, result.smoothed.trajectory)
+        self.arranged = blueprint(rrd.entities, frame, active_tab)
+
+    def _lane(self, name: str, lane: list[tuple[float, str | None]], colors: dict[str, Rgba]) -> None:
+        """Changes of state; one that is no change since the last piece is left out."""
+        if lane and lane[0][1] == self._lanes.get(name):
+            lane = lane[1:]
+        if lane:
+            self._lanes[name] = lane[-1][1]
+            self._rrd.lane(f"lanes/{name}", lane, colors)
+
+    def _beside(self, t_s: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+        """The same directions within half a turn of the one by which the clock goes, so that they can be compared."""
+        at = np.clip(np.searchsorted(self._yaw_s, t_s), 0, len(self._yaw_s) - 1)
+        return np.asarray(self._shown_rad[at] + wrap_angle(yaw_rad - self._yaw_rad[at]))
+
+    def _told(self, result: WalkResult) -> None:
+        """What the reader of the log had to say, and what was found out about the walk."""
+        rows = [(0.0, notice, rr.TextLogLevel.WARN) for notice in result.log.notices]
+        rows += [(f.start_s, f.text, rr.TextLogLevel.WARN) for f in find(result) if f.kind != "gyro_bias"]
+        if rows:
+            t_s, texts, levels = zip(*rows, strict=True)
+            self._rrd.columns("findings", np.array(t_s), rr.TextLog.columns(text=texts, level=levels))
+
+    def _hindsight(self, result: WalkResult) -> None:
+        """The bands of the smoother, and what it makes of steps and compass."""
+        rrd, smoothed, track, config = self._rrd, result.smoothed.trajectory, result.track, result.config.graph
+        color, names = [(*COLORS["smoothed"], FAINT)] * 2, [f"smoothed ±{SIGMAS:g}σ"] * 2
+
+        def band(entity: str, middle: FloatArray, sigma: FloatArray, max_gap_s: float = np.inf) -> None:
+            table = _band(middle, sigma)
+            rrd.series(entity, smoothed.t_s, table, names, color, width=1.0, max_gap_s=max_gap_s)
+
+        if smoothed.cov_xy_yaw is not None:
+            cov = smoothed.cov_xy_yaw
+            sigma = np.degrees(np.sqrt(cov[:, 2, 2]))
+            band("state/yaw_deg/smoothed_2sigma", np.degrees(self._shown_rad), sigma, _PAUSE_S)
+            ellipse_m = SIGMAS * np.sqrt(np.linalg.eigvalsh(cov[:, :2, :2])[:, 1])
+            label = [f"smoothed {SIGMAS:g}σ, longest axis of the ellipse"]
+            rrd.series("uncertainty_m/smoothed_2sigma", smoothed.t_s, ellipse_m, label, [color[0]])
+        if smoothed.sigma_bias_rad_s is not None:
+            bias, sigma = np.degrees(smoothed.gyro_bias_rad_s), np.degrees(smoothed.sigma_bias_rad_s)
+            band("state/gyro_bias_deg_s/smoothed_2sigma", bias, sigma)
+        if smoothed.sigma_z_m is not None and "state/altitude_m/barometer" in rrd.entities:
+            band("state/altitude_m/smoothed_2sigma", smoothed.z_m, smoothed.sigma_z_m)
+        step_m = np.hypot(np.diff(smoothed.x_m), np.diff(smoothed.y_m))
+        entity, step_s = "state/step_length_m/smoothed", smoothed.t_s[1:]
+        rrd.series(entity, step_s, step_m, [LABELS["smoothed"]], [COLORS["smoothed"]], max_gap_s=_PAUSE_S)
+
+        trust = compass_trust(result)
+        off_deg = np.degrees(wrap_angle(track.yaw_mag_rad - smoothed.yaw_rad))
+        sensor = [COLORS["sensor"]]
+        entity = "state/magnetic_disturbance_deg"
+        label = ["compass minus smoothed heading"]
+        rrd.series(f"{entity}/compass_off", track.t_s, off_deg, label, sensor, points=_CIRCLE)
+        weights = {r.name: r for r in result.smoothed.residuals}
+        robust = np.ones(len(track))
+        if "compass" in weights:
+            robust[weights["compass"].k] = weights["compass"].weight
+        expected = np.degrees(config.sigma_mag_rad) * np.sqrt(robust / trust)  # the field's deviation inflates it
+        faint = [(*COLORS["sensor"], FAINT)] * 2
+        table = _band(np.zeros(len(track)), expected)
+        label = [f"expected there ±{SIGMAS:g}σ"] * 2
+        rrd.series(f"{entity}/expected_2sigma", track.t_s, table, label, faint, width=1.0, max_gap_s=_PAUSE_S)
+        label = ["share of its pull left to the compass"]
+        rrd.series("state/compass_trust", track.t_s, trust, label, sensor, max_gap_s=_PAUSE_S)
+
+    def _graph(self, result: WalkResult) -> None:
+        """Residuals and weights by kind of factor, and how the solver got there."""
+        rrd, smoothed = self._rrd, result.smoothed
+        for kind in smoothed.residuals:
+            t_s, label = smoothed.trajectory.t_s[kind.k], [kind.name.replace("_", " ")]
+            rrd.series(f"residuals/{kind.name}", t_s, kind.whitened, label, [_kind_color(kind.name)], points=_CIRCLE)
+            if kind.weight.min() < 1.0 or kind.name in ("compass", "barometer", "anchor", "closure"):
+                rrd.series(f"weights/{kind.name}", t_s, kind.weight, label, [_kind_color(kind.name)], points=_CIRCLE)
+        errors = np.log10(np.maximum(smoothed.errors, 1e-12))
+        rrd.fixed("solver/log10_error", rr.BarChart(errors, color=COLORS["smoothed"]))
+        rrd.fixed("graph", rr.TextDocument(_graph_markdown(result), media_type=rr.MediaType.MARKDOWN))
+
+    def _errors(self, result: WalkResult, errors: dict[str, tuple[FloatArray, FloatArray]]) -> None:
+        """Errors at the checkpoints, and of each leg between two of them in length and direction."""
+        rrd = self._rrd
+        for name, (t_s, error_m) in errors.items():
+            rrd.series(f"error_m/{name}", t_s, error_m, [LABELS[name]], [COLORS[name]], width=2.0)
+            rrd.series(f"error_m/{name}_at", t_s, error_m, [LABELS[name]], [COLORS[name]], width=3.0, points=_CIRCLE)
+            assert result.truth is not None  # there are errors
+            legs = leg_errors(result.trajectories[name], result.truth, result.log.t0_s)
+            middle_s = (legs.start_s + legs.end_s) / 2.0
+            for what, values in (
+                ("length_percent", 100.0 * legs.length_rel),
+                ("direction_deg", np.degrees(legs.yaw_rad)),
+            ):
+                rrd.series(f"legs/{what}/{name}", middle_s, values, [LABELS[name]], [COLORS[name]], width=2.0)
+
+
+def write_recording(result: WalkResult, path: Path, summary_markdown: str, active_tab: int = 0) -> None:
     """Write the recording of a walk, its blueprint inside: ``rerun recording.rrd`` opens it framed and arranged.
 
     Args:
         result: the walk.
         path: file to write; its folder exists.
         summary_markdown: shown beside the map.
+        active_tab: which tab it opens on.
 
     Raises:
         OSError: the file cannot be written.
     """
-    _write(result, path, summary_markdown)
-
-
-def _write(result: WalkResult, path: Path, summary_markdown: str, active_tab: int = 0) -> None:
-    """As ``write_recording``, opening at another tab."""
     smoothed = result.smoothed.trajectory
     content = hashlib.sha1(np.ascontiguousarray(smoothed.xy_m).tobytes(), usedforsecurity=False).hexdigest()
-    rrd = RrdWriter(f"{result.log.name}-{content[:12]}", smoothed.t_s, smoothed.distance_m)
-    rrd.fixed("summary", rr.TextDocument(summary_markdown, media_type=rr.MediaType.MARKDOWN))
-    errors = _errors(result)
-    _log_sensors(rrd, result)
-    _log_states(rrd, result)
-    _log_errors(rrd, errors)
-    _log_events(rrd, result)
-    frame = _log_places(rrd, result, _legend(result, errors))
-    rrd.save(path, blueprint(rrd.entities, frame, active_tab))
+    rrd = RrdWriter(f"{result.log.name}-{content[:12]}")
+    recorder = Recorder(rrd, result.config)
+    recorder.clock(smoothed)
+    recorder.samples(result.log, result.signals)
+    recorder.steps(result.track)
+    recorder.wearer(result.signals, result.track)
+    for name, trajectory in ordered(result):
+        recorder.states(name, trajectory)
+    recorder.believed(result.beliefs)
+    recorder.finished(result, summary_markdown, active_tab)
+    rrd.save(path, recorder.arranged)
 
 
-def _log_sensors(rrd: RrdWriter, result: WalkResult) -> None:
-    """The raw streams, and |acc| as the step detector sees it with the steps on it."""
-    for name, (unit, resolution) in _SENSORS.items():
-        stream = getattr(result.log, name)
-        values = np.round(stream.values / resolution) * resolution
-        if values.shape[1] == 1:
-            labels, colors = [f"{name} [{unit}]"], [COLORS["sensor"]]
-        else:
-            labels, colors = [f"{name} {axis} [{unit}]" for axis in "xyz"], list(AXIS_COLORS)
-        rrd.series(f"sensors/{name}", stream.t_s, values, labels, colors, width=1.0, only_time=True)
-
-    signals, crumb_s = result.signals, result.track.t_s
-    every = max(round(result.config.attitude.rate_hz / _ACC_NORM_HZ), 1)
-    count = len(signals) // every * every
-    t_s = signals.t_s[:count].reshape(-1, every).mean(axis=1)
-    acc_norm = signals.acc_norm_m_s2[:count].reshape(-1, every).mean(axis=1)
-    rrd.series("state/acc_norm_m_s2", t_s, acc_norm, ["|acc| [m/s²]"], [COLORS["sensor"]], only_time=True)
-    at_steps = np.interp(crumb_s[1:], t_s, acc_norm)
-    diamond = rr.components.MarkerShape.Diamond
-    rrd.series("steps", crumb_s[1:], at_steps, ["step"], [COLORS["step"]], width=2.0, points=diamond)
-    # only where it changes, and once more at the end
-    turns = np.flatnonzero(np.diff(signals.still, prepend=~signals.still[:1], append=~signals.still[-1:])[:-1])
-    rows = np.append(turns, len(signals) - 1)
-    still = signals.still[rows].astype(float)
-    rrd.series(
-        "state/still", signals.t_s[rows], still, ["standing still"], [COLORS["truth"]], stairs=True, only_time=True
-    )
+def _kind_color(name: str) -> Rgba:
+    """Of a kind of factor."""
+    colors: dict[str, Rgba] = {
+        "step_length": COLORS["step"],
+        "step_sideways": (166, 118, 29),
+        "heading": COLORS["ekf"],
+        "bias_drift": COLORS["online"],
+        "compass": COLORS["sensor"],
+        "barometer": COLORS["pdr"],
+        "climb": COLORS["smoothed"],
+        "standing_still": COLORS["truth"],
+        "closure": COLORS["closure"],
+    }
+    return colors.get(name, COLORS["anchor"])
 
 
-def _log_states(rrd: RrdWriter, result: WalkResult) -> None:
-    """What the estimators say at each breadcrumb, each beside what it was made from."""
-    track, smoothed = result.track, result.smoothed.trajectory
-    circle = rr.components.MarkerShape.Circle
-    sensor = COLORS["sensor"]
-    band = [(*COLORS["smoothed"], _FAINT)] * 2
-    band_names = [f"smoothed ±{_SIGMAS:g}σ"] * 2
-
-    shown = smoothed.yaw_rad - 2.0 * np.pi * _laps(smoothed.yaw_rad)
-
-    def beside(yaw_rad: FloatArray) -> FloatArray:
-        """The same directions in degrees, within half a turn of the smoothed one, so that they can be compared."""
-        return np.degrees(shown + wrap_angle(yaw_rad - smoothed.yaw_rad))
-
-    compass = beside(track.yaw_mag_rad)
-    rrd.series("state/yaw_deg/compass", track.t_s, compass, ["compass"], [sensor], points=circle)
-    if smoothed.cov_xy_yaw is not None:
-        table = np.degrees(_band(shown, np.sqrt(smoothed.cov_xy_yaw[:, 2, 2])))
-        rrd.series("state/yaw_deg/smoothed_2sigma", smoothed.t_s, table, band_names, band, width=1.0)
-    for name, trajectory in _ordered(result):
-        yaw_deg = beside(trajectory.yaw_rad)
-        rrd.series(f"state/yaw_deg/{name}", trajectory.t_s, yaw_deg, [LABELS[name]], [COLORS[name]])
-
-    rest = np.degrees(np.where(track.rest_s > 0, track.rest_rate_rad_s, np.nan))
-    rrd.series("state/gyro_bias_deg_s/rest", track.t_s, rest, ["while standing"], [sensor], width=2.5, points=circle)
-    for name, trajectory in _ordered(result):
-        if name != "pdr":  # it has none
-            bias = np.degrees(trajectory.gyro_bias_rad_s)
-            rrd.series(f"state/gyro_bias_deg_s/{name}", trajectory.t_s, bias, [LABELS[name]], [COLORS[name]])
-
-    rrd.series("state/field/norm_ut", track.t_s, track.mag_norm_ut, ["strength [µT]"], [sensor])
-    rrd.series("state/field/dip_deg", track.t_s, np.degrees(track.mag_dip_rad), ["dip [°]"], [AXIS_COLORS[1]])
-
-    walked = slice(1, None)  # the standing start has neither length nor frequency
-    length = track.length_m[walked]
-    rrd.series("state/step_length_m", track.t_s[walked], length, ["step length [m]"], [COLORS["step"]])
-    frequency = track.frequency_hz[walked]
-    rrd.series("state/step_frequency_hz", track.t_s[walked], frequency, ["step frequency [Hz]"], [COLORS["step"]])
-
-    known = np.flatnonzero(np.isfinite(track.altitude_m))
-    if len(known):
-        altitude = track.altitude_m - track.altitude_m[known[0]]
-        rrd.series("state/altitude_m/barometer", track.t_s, altitude, ["barometer"], [sensor], points=circle)
-        if smoothed.sigma_z_m is not None:
-            table = _band(smoothed.z_m, smoothed.sigma_z_m)
-            rrd.series("state/altitude_m/smoothed_2sigma", smoothed.t_s, table, band_names, band, width=1.0)
-        for name, trajectory in _ordered(result):
-            if name != "pdr":
-                entity = f"state/altitude_m/{name}"
-                rrd.series(entity, trajectory.t_s, trajectory.z_m, [LABELS[name]], [COLORS[name]])
-
-
-def _log_errors(rrd: RrdWriter, errors: dict[str, tuple[FloatArray, FloatArray]]) -> None:
-    for name, (t_s, error_m) in errors.items():
-        rrd.series(f"error_m/{name}", t_s, error_m, [LABELS[name]], [COLORS[name]], width=2.0)
-
-
-def _log_events(rrd: RrdWriter, result: WalkResult) -> None:
-    """What the log marked, and what its reader had to say."""
-    log = result.log
-    rows = [(0.0, notice, rr.TextLogLevel.WARN) for notice in log.notices]
-    rows += [(event.t_s, event.label, rr.TextLogLevel.INFO) for event in log.events]
-    if rows:
-        t_s, texts, levels = zip(*rows, strict=True)
-        rrd.columns("events", np.array(t_s), rr.TextLog.columns(text=texts, level=levels))
-
-
-def _log_places(rrd: RrdWriter, result: WalkResult, legend: dict[str, str]) -> Frame:
-    """Trajectories, truth, anchors and the map's legend; returns what the map must show."""
-    smoothed = result.smoothed.trajectory
-    rrd.fixed("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    rrd.fixed("map", rr.Transform3D(scale=(1.0, -1.0, 1.0)))
-    seen = []
-    if result.truth is not None and len(result.truth):
-        places = _truth_places(result)
-        dense = len(places) > _MOST_LABELS  # a track rather than checkpoints
-        rrd.lines("truth/path", [places], COLORS["truth"], 2.0 if dense else 1.0)
-        if not dense:
-            rrd.points("truth/checkpoints", *_grouped(places), COLORS["truth"], 5.0)
-        seen.append(places)
-    for name, trajectory in _ordered(result):
-        path = _xyz(trajectory)
-        if result.anchors is not None and name != "smoothed":  # that one left the origin for the anchors' frame
-            path = path - path[0] + _xyz(smoothed)[0]
-        rrd.lines(f"{name}/path", [path], COLORS[name], 2.0 if name == "smoothed" else 1.2)
-        rrd.moving_point(f"{name}/position", trajectory.t_s, path, COLORS[name], 7.0)
-        seen.append(path)
-    path = _xyz(smoothed)
-    rrd.points("smoothed/breadcrumbs", path, None, COLORS["smoothed"], 2.5)
-    if smoothed.cov_xy_yaw is not None:
-        ellipses = _ellipses(smoothed)
-        rrd.lines("smoothed/ellipses", ellipses, (*COLORS["smoothed"], _FAINT), 0.7)
-        seen += ellipses
-    if result.closed_walk:
-        rrd.lines("smoothed/closure", [path[[-1, 0]]], COLORS["anchor"], 1.5)
-    if result.anchors is not None and len(result.anchors):
-        z_m = smoothed.at(result.anchors.t_s - result.log.t0_s)[:, 2]
-        places = np.column_stack((result.anchors.xy_m, z_m))
-        rrd.points("anchors", places, None, COLORS["anchor"], 8.0)  # a ring about a checkpoint
-        seen.append(places)
-    frame = Frame.around(np.concatenate(seen)[:, :2])
-    _log_ends(rrd, path, frame)
-    _log_legend(rrd, frame, legend)
-    return frame
-
-
-def _log_ends(rrd: RrdWriter, path: FloatArray, frame: Frame) -> None:
-    """Flags at the ends of the walk, on poles that lean apart: they would hide each other and the checkpoints."""
-    labels, colors, radii = ["start", "end"], [COLORS["smoothed"]], rr.Radius.ui_points(1.0)
-    lean, rise = 0.9 * frame.row_m, 0.75 * frame.row_m
-    # a label is put at the mean of its strip's points: three of four are the top of the pole
-    grow = np.array((0.0, 1.0, 1.0, 1.0))[:, None]
-    poles = [foot + grow * (side * lean, 0.0, rise) for foot, side in ((path[0], -1.0), (path[-1], 1.0))]
-    rrd.fixed("world/smoothed/ends", rr.LineStrips3D(poles, labels=labels, colors=colors, radii=radii))
-    flat = [foot[:2] + grow * (side * lean, rise) for foot, side in ((path[0], -1.0), (path[-1], 1.0))]
-    rrd.fixed("map/smoothed/ends", rr.LineStrips2D(flat, labels=labels, colors=colors, radii=radii))
-
-
-def _log_legend(rrd: RrdWriter, frame: Frame, legend: dict[str, str]) -> None:
-    """Which colour is which, where North is and how long a metre, in the frame's column right of the walk."""
-    known = [(name, text) for name, text in legend.items() if f"map/{name}/path" in rrd.entities]
-    known += [("smoothed", f"ellipses: {_SIGMAS:g}σ")] * ("map/smoothed/ellipses" in rrd.entities)
-    known += [("truth", "truth")] * ("map/truth/path" in rrd.entities)
-    known += [("anchor", "anchor")] * ("map/anchors" in rrd.entities)
-    known += [("anchor", "closed walk")] * ("map/smoothed/closure" in rrd.entities)
-    row_m = frame.row_m
-    rows = np.array([(frame.legend_x_m, frame.y_max_m - row_m * i) for i in range(len(known) + 3)])
-    rrd.fixed(
-        "map/legend/colors",
-        rr.Points2D(
-            rows[: len(known)],
-            colors=[COLORS[name] for name, _ in known],
-            labels=[text for _, text in known],
-            radii=rr.Radius.ui_points(5.0),
-        ),
-    )
-    length_m = frame.scale_bar_m
-    bar = rows[-2] + np.array([[-0.5, 0.0], [0.5, 0.0]]) * length_m
-    grey = [COLORS["truth"]]
-    radii = rr.Radius.ui_points(1.5)
-    rrd.fixed("map/legend/scale", rr.LineStrips2D([bar], colors=grey, radii=radii, labels=[f"{length_m:g} m"]))
-    north = rr.Arrows2D(
-        origins=[rows[-1] - (0.0, 0.5 * row_m)], vectors=[(0.0, row_m)], colors=grey, radii=radii, labels=["North"]
-    )
-    rrd.fixed("map/legend/north", north)
+def _graph_markdown(result: WalkResult) -> str:
+    """What the graph is made of and how it was solved."""
+    smoothed = result.smoothed
+    lines = [
+        "# The factor graph",
+        f"{len(smoothed.trajectory)} breadcrumbs, {smoothed.factors} factors.",
+        "",
+        "A residual is the estimate minus the measurement in standard deviations: RMS near 1 is what the sigmas "
+        "promised, far above 1 is a model that does not fit. Doubted: the robust loss left less than half the pull.",
+        "",
+        "| factor | how many | RMS (σ) | worst (σ) | at | doubted |",
+        "|---|---|---|---|---|---|",
+    ]
+    for kind in smoothed.residuals:
+        worst = int(np.argmax(np.abs(kind.whitened)))
+        doubted = int((kind.weight < 0.5).sum())
+        at_s = smoothed.trajectory.t_s[kind.k[worst]]
+        lines.append(
+            f"| {kind.name.replace('_', ' ')} | {len(kind.k)} | {kind.rms:.2f} | {kind.whitened[worst]:+.1f} | "
+            f"{at_s:.0f} s | {doubted or '–'} |"
+        )
+    lines += ["", "# The solver", "", "| iteration | error |", "|---|---|"]
+    lines += [f"| {i} | {error:.4g} |" for i, error in enumerate(smoothed.errors)]
+    return "\n".join(lines) + "\n"
 
 
 def _errors(result: WalkResult) -> dict[str, tuple[FloatArray, FloatArray]]:
@@ -257,7 +350,7 @@ def _errors(result: WalkResult) -> dict[str, tuple[FloatArray, FloatArray]]:
         return {}
     t_s = result.truth.t_s - result.log.t0_s
     errors = {}
-    for name, trajectory in _ordered(result):
+    for name, trajectory in ordered(result):
         _, alignment = score_label(name, result.anchors is not None, result.closed_walk)
         try:
             error_m = checkpoint_errors(trajectory, result.truth, result.log.t0_s, alignment)
@@ -265,29 +358,6 @@ def _errors(result: WalkResult) -> dict[str, tuple[FloatArray, FloatArray]]:
             continue
         errors[name] = (t_s[len(t_s) - len(error_m) :], error_m)
     return errors
-
-
-def _legend(result: WalkResult, errors: dict[str, tuple[FloatArray, FloatArray]]) -> dict[str, str]:
-    """By estimator: what the map's legend says of it."""
-    texts = {}
-    for name, _ in _ordered(result):
-        texts[name] = LABELS[name]
-        if name in errors:
-            label, _ = score_label(name, result.anchors is not None, result.closed_walk)
-            aid = "" if label == "unaided" else f" ({label})"
-            texts[name] += f"{aid}: {np.sqrt((errors[name][1] ** 2).mean()):.1f} m RMSE"
-    return texts
-
-
-def _ordered(result: WalkResult) -> list[tuple[str, Trajectory]]:
-    """The trajectories that were run, the smoothed one last, so that it is drawn on top."""
-    names = sorted(result.trajectories, key=lambda name: (name == "smoothed", ESTIMATORS.index(name)))
-    return [(name, result.trajectories[name]) for name in names]
-
-
-def _xyz(trajectory: Trajectory) -> FloatArray:
-    """(K+1, 3) positions."""
-    return np.column_stack((trajectory.x_m, trajectory.y_m, trajectory.z_m))
 
 
 def _laps(yaw_rad: FloatArray) -> FloatArray:
@@ -300,48 +370,4 @@ def _laps(yaw_rad: FloatArray) -> FloatArray:
 
 def _band(values: FloatArray, sigma: FloatArray) -> FloatArray:
     """(N, 2) lower and upper end."""
-    return np.column_stack((values - _SIGMAS * sigma, values + _SIGMAS * sigma))
-
-
-def _truth_places(result: WalkResult) -> FloatArray:
-    """(M, 3) checkpoints, moved (not turned) as in scoring: the smoothed trajectory agrees at the first of them.
-
-    Known anchors have already brought the trajectory into their frame; then they stay. Surveyed heights are rarely
-    on the barometer's datum, and floors are no metres: each is shown at the height of the trajectory.
-    """
-    assert result.truth is not None  # the caller asked
-    at = result.smoothed.trajectory.at(result.truth.t_s - result.log.t0_s)
-    shift = np.zeros(2) if result.anchors is not None else at[0, :2] - result.truth.xy_m[0]
-    return np.column_stack((result.truth.xy_m + shift, at[:, 2]))
-
-
-def _grouped(places: FloatArray) -> tuple[FloatArray, list[str] | None]:
-    """Places passed more than once as one, labelled with all their numbers: labels at one spot hide each other.
-
-    Truth so dense that its labels would cover the walk has none.
-    """
-    if len(places) > _MOST_LABELS:
-        return places, None
-    groups: list[list[int]] = []
-    for i, place in enumerate(places):
-        for group in groups:
-            away = np.abs(place - places[group[0]])
-            if np.hypot(*away[:2]) < _SAME_PLACE_M and away[2] < _SAME_FLOOR_M:
-                group.append(i)
-                break
-        else:
-            groups.append([i])
-    return places[[group[0] for group in groups]], [", ".join(str(i + 1) for i in group) for group in groups]
-
-
-def _ellipses(trajectory: Trajectory) -> list[FloatArray]:
-    """Ellipses of the horizontal covariance at breadcrumbs evenly along the walk, each (P, 3) and closed."""
-    assert trajectory.cov_xy_yaw is not None  # the caller asked
-    every = max(len(trajectory) // _ELLIPSES, 1)
-    chosen = np.arange(len(trajectory) - 1, 0, -every)
-    # with P = L Lᵀ, L turns and stretches a circle into the ellipse; the first breadcrumb's P is almost nothing
-    root = np.linalg.cholesky(trajectory.cov_xy_yaw[chosen, :2, :2] + 1e-9 * np.eye(2))
-    angle = np.linspace(0.0, 2.0 * np.pi, _ELLIPSE_POINTS)
-    outline = _SIGMAS * np.einsum("nij,jp->npi", root, np.array((np.cos(angle), np.sin(angle))))
-    height = np.zeros((*outline.shape[:2], 1))
-    return list(_xyz(trajectory)[chosen, None, :] + np.concatenate((outline, height), axis=2))
+    return np.column_stack((values - SIGMAS * sigma, values + SIGMAS * sigma))

@@ -1,9 +1,11 @@
-"""Writes a Rerun file by columns: curves, and places in space and on the map, on the clock of a walk.
+"""Writes to Rerun by columns: curves, lanes, and places in space and on maps, on the clock of a walk.
+
+One writer serves a file, written whole at the end, and a viewer, fed while the walk goes on.
 
 Timelines
     ``time``, a duration since log start, on everything; ``step``, the number of the last breadcrumb, and
-    ``distance_cm``, what the smoothed trajectory had walked, on everything that is known once a step. A timeline of
-    Rerun counts integers or nanoseconds; whole centimetres are finer than any breadcrumb.
+    ``distance_cm``, what had been walked, on everything that is known once a step. A timeline of Rerun counts integers
+    or nanoseconds; whole centimetres are finer than any breadcrumb.
 """
 
 from __future__ import annotations
@@ -14,7 +16,9 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.chunk import Chunk
 
+from fbgraph.errors import ConfigError
 from fbgraph.geometry import FloatArray
 
 APPLICATION_ID = "fbgraph"
@@ -23,26 +27,79 @@ Rgba = tuple[int, int, int] | tuple[int, int, int, int]
 
 
 class RrdWriter:
-    """A stream, its clock, and which entities were written to it; nothing is on disk before ``save``."""
+    """A stream, its clock, and which entities were written to it."""
 
-    def __init__(self, recording_id: str, crumb_s: FloatArray, distance_m: FloatArray) -> None:
+    def __init__(self, recording_id: str | None = None) -> None:
         """Begin a recording.
 
         Args:
-            recording_id: the same for equal walks.
-            crumb_s: (K+1,) times of the breadcrumbs, seconds since log start.
-            distance_m: (K+1,) distance walked up to each.
+            recording_id: the same for equal walks; a new one if None.
         """
-        # without properties: they hold the time of writing
-        self._stream = rr.RecordingStream(APPLICATION_ID, recording_id=recording_id, send_properties=False)
-        self._crumb_s = crumb_s
-        self._distance_m = distance_m
+        # without properties: they hold the time of writing; a file is cut into chunks by what it holds, not by when
+        batching = rr.ChunkBatcherConfig.NEVER() if recording_id is not None else None
+        self._stream = rr.RecordingStream(
+            APPLICATION_ID, recording_id=recording_id, send_properties=False, batcher_config=batching
+        )
+        self._crumb_s = np.zeros(1)
+        self._distance_m = np.zeros(1)
         self.entities: set[str] = set()
 
+    def view(self, url: str | None, arranged: rrb.Blueprint) -> None:
+        """From now on show everything in a viewer.
+
+        Args:
+            url: of a running one, ``rerun+http://HOST:PORT/proxy``; one is started if None.
+            arranged: how it opens.
+
+        Raises:
+            ConfigError: there is no viewer to be had.
+        """
+        try:
+            if url is None:
+                self._stream.spawn(default_blueprint=arranged)
+            else:
+                self._stream.connect_grpc(url, default_blueprint=arranged)
+        except (RuntimeError, ValueError, OSError) as error:
+            raise ConfigError(f"--view: no viewer: {str(error).splitlines()[0]}") from error
+
+    def arrange(self, arranged: rrb.Blueprint) -> None:
+        """Tell the viewer how to arrange what there is now."""
+        self._stream.send_blueprint(arranged)
+
+    def save(self, path: Path, arranged: rrb.Blueprint) -> None:
+        """Write everything logged so far to a file, and how it opens; nothing is on disk before.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        try:
+            self._stream.save(path, default_blueprint=arranged)
+        except RuntimeError as error:
+            raise OSError(f"{path}: {error}") from error
+        self._stream.disconnect()
+
+    def copy(self, chunks: Sequence[Chunk], below: str) -> None:
+        """Log what another recording holds, its entities below this one."""
+        self._stream.send_chunks([chunk.with_entity_path(f"/{below}{chunk.entity_path}") for chunk in chunks])
+
+    def clock(self, crumb_s: FloatArray, distance_m: FloatArray) -> None:
+        """The breadcrumbs by which times become steps and distances.
+
+        Args:
+            crumb_s: (K+1,) their times, seconds since log start.
+            distance_m: (K+1,) distance walked up to each.
+        """
+        self._crumb_s, self._distance_m = crumb_s, distance_m
+
     def fixed(self, entity: str, *archetypes: rr.AsComponents) -> None:
-        """Log what holds at all times."""
+        """Log what holds at all times, in place of what held before."""
         self._stream.log(entity, *archetypes, static=True, strict=True)
         self.entities.add(entity)
+
+    def styled(self, entity: str, style: rr.AsComponents) -> None:
+        """Log how an entity looks, once."""
+        if entity not in self.entities:
+            self.fixed(entity, style)
 
     def columns(
         self, entity: str, t_s: FloatArray, columns: rr.ComponentColumnList, *, only_time: bool = False
@@ -70,16 +127,25 @@ class RrdWriter:
         points: rr.components.MarkerShape | None = None,
         stairs: bool = False,
         only_time: bool = False,
+        max_gap_s: float = np.inf,
     ) -> None:
-        """Log (N,) or (N, D) numbers as D curves, or as points; rows that are not finite are left out."""
+        """Log (N,) or (N, D) numbers as D curves, or as points.
+
+        Rows that are not finite are left out; a curve is broken where nothing is known for longer than ``max_gap_s``.
+        """
         table = values if values.ndim == 2 else values[:, None]
         known = np.isfinite(table).all(axis=1)
         if not known.any():
             return
+        t_s, table = t_s[known], table[known]
+        lengths = np.full(len(table), table.shape[1])
         style: rr.SeriesPoints | rr.SeriesLines
         if points is not None:
             style = rr.SeriesPoints(names=names, colors=colors, markers=points, marker_sizes=2.0 * width)
         else:
+            gaps = np.flatnonzero(np.diff(t_s) > max_gap_s) + 1
+            lengths = np.insert(lengths, gaps, 0)  # a row of nothing ends the curve
+            t_s = np.insert(t_s, gaps, t_s[gaps - 1] + 1e-3)
             style = rr.SeriesLines(
                 names=names,
                 colors=colors,
@@ -88,8 +154,20 @@ class RrdWriter:
                 aggregation_policy=rr.components.AggregationPolicy.MinMax,
                 interpolation_mode=rr.components.InterpolationMode.StepAfter if stairs else None,
             )
-        self.fixed(entity, style)
-        self.columns(entity, t_s[known], rr.Scalars.columns(scalars=table[known]), only_time=only_time)
+        self.styled(entity, style)
+        columns = rr.Scalars.columns(scalars=table.ravel()).partition(lengths)
+        self.columns(entity, t_s, columns, only_time=only_time)
+
+    def lane(self, entity: str, changes: Sequence[tuple[float, str | None]], colors: dict[str, Rgba]) -> None:
+        """Log since when which state holds; None for a stretch without one."""
+        if not changes:
+            return
+        style = rr.StateConfiguration(values=list(colors), labels=list(colors), colors=list(colors.values()))
+        self.styled(entity, style)
+        known = [state for _, state in changes if state is not None]
+        lengths = [int(state is not None) for _, state in changes]  # a row of nothing is a stretch without a state
+        columns = rr.StateChange.columns(state=known).partition(lengths)
+        self.columns(entity, np.array([t_s for t_s, _ in changes]), columns)
 
     def lines(self, entity: str, strips: Sequence[FloatArray], color: Rgba, width: float) -> None:
         """Log (N, 3) line strips in space and on the map."""
@@ -107,19 +185,15 @@ class RrdWriter:
     def moving_point(self, entity: str, t_s: FloatArray, points: FloatArray, color: Rgba, width: float) -> None:
         """Log a point that is at (N, 3) ``points`` at (N,) ``t_s``, in space and on the map."""
         radii = rr.Radius.ui_points(width)
-        self.fixed(f"world/{entity}", rr.Points3D.from_fields(colors=[color], radii=radii))
-        self.fixed(f"map/{entity}", rr.Points2D.from_fields(colors=[color], radii=radii))
+        self.styled(f"world/{entity}", rr.Points3D.from_fields(colors=[color], radii=radii))
+        self.styled(f"map/{entity}", rr.Points2D.from_fields(colors=[color], radii=radii))
         self.columns(f"world/{entity}", t_s, rr.Points3D.columns(positions=points))
         self.columns(f"map/{entity}", t_s, rr.Points2D.columns(positions=points[:, :2]))
 
-    def save(self, path: Path, arranged: rrb.Blueprint) -> None:
-        """Write everything, and how it opens.
-
-        Raises:
-            OSError: the file cannot be written.
-        """
-        try:
-            self._stream.save(path, default_blueprint=arranged)
-        except RuntimeError as error:
-            raise OSError(f"{path}: {error}") from error
-        self._stream.disconnect()
+    def moving_line(
+        self, entity: str, t_s: FloatArray, strips: Sequence[FloatArray], color: Rgba, width: float
+    ) -> None:
+        """Log, for each of (N,) ``t_s``, the (M, 2) line strip that holds from then on; on the map."""
+        style = rr.LineStrips2D.from_fields(colors=[color], radii=rr.Radius.ui_points(width))
+        self.styled(f"map/{entity}", style)
+        self.columns(f"map/{entity}", t_s, rr.LineStrips2D.columns(strips=strips))

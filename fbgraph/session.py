@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,17 +16,23 @@ from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config, dump_toml, load_config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError, DataError
-from fbgraph.exports import check_run_folder, summarize, summary_markdown, write_tables
-from fbgraph.log import SensorLog, Stream
-from fbgraph.online import OnlineSmoother, Update
+from fbgraph.exports import check_run_folder, summarize, summary_markdown
+from fbgraph.georeference import Georeference
+from fbgraph.log import SensorLog
+from fbgraph.online import Belief, OnlineSmoother, Update
 from fbgraph.pdr import dead_reckon
+from fbgraph.pipeline import write_files
 from fbgraph.readers.base import OPTIONAL_SENSORS
 from fbgraph.readers.live import LiveReader
 from fbgraph.result import WalkResult
 from fbgraph.steps import detect_steps
 
+if TYPE_CHECKING:
+    from fbgraph.live_view import LiveView
+
 OnUpdate = Callable[[Update], None]
 RAW = "raw.csv"
+_BELIEF_STEPS = 5  # as often as iSAM2 relinearises
 
 
 def pieces(log: SensorLog, chunk_s: float, speed: float, stop: Callable[[], bool]) -> Iterator[SensorLog]:
@@ -42,9 +49,28 @@ def pieces(log: SensorLog, chunk_s: float, speed: float, stop: Callable[[], bool
         yield log.between(start_s if start_s > 0 else -np.inf, start_s + chunk_s)
 
 
+class Watcher:
+    """Keeps what a recording wants to know of a walk in progress, and shows it in a viewer."""
+
+    def __init__(self, smoother: OnlineSmoother, recording: bool, view: LiveView | None) -> None:
+        self.beliefs: list[Belief] = []
+        self.view = view
+        self._smoother = smoother
+        self._wanted = recording or view is not None
+        self._next = 1
+
+    def fed(self, piece: SensorLog, updates: list[Update]) -> None:
+        """Note what the smoother was just fed."""
+        before = len(self.beliefs)
+        if self._wanted and updates and updates[-1].k >= self._next:
+            self.beliefs.append(self._smoother.belief())
+            self._next = updates[-1].k + _BELIEF_STEPS
+        if self.view is not None:
+            self.view.fed(piece, self._smoother, self.beliefs[before:])
+
+
 def replay(
     log: SensorLog,
-    out: Path,
     config: Config,
     *,
     chunk_s: float,
@@ -54,24 +80,40 @@ def replay(
     truth: Checkpoints | None = None,
     anchors: Checkpoints | None = None,
     closed_walk: bool = False,
+    origin: Georeference | None = None,
     recording: bool = True,
-) -> dict[str, Any]:
-    """Feed a log through the online path and write its run folder; returns the summary.
+    view: LiveView | None = None,
+    inputs: Mapping[str, Any] | None = None,
+) -> WalkResult:
+    """Feed a log through the online path.
+
+    Args:
+        log: the walk.
+        config: the effective configuration.
+        chunk_s, speed: fed in pieces this long, so many times as fast as they were recorded.
+        on_update: called at each step.
+        stop: asked whether to end the walk here.
+        truth, anchors, closed_walk, origin, inputs: as in ``WalkResult``.
+        recording: whether the result is to hold beliefs.
+        view: shows the walk meanwhile.
 
     Raises:
-        ConfigError: ``out`` holds something else.
-        DataError: no step in the log, or truth that does not belong to it.
+        DataError: no step in the log.
         EstimationError: the solver failed.
     """
-    check_run_folder(out)
     smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk)
+    watcher = Watcher(smoother, recording, view)
     fed_until_s = 0.0
     for piece in pieces(log, chunk_s, speed, stop):
-        for update in smoother.feed(piece):
+        updates = smoother.feed(piece)
+        for update in updates:
             on_update(update)
+        watcher.fed(piece, updates)
         fed_until_s += chunk_s
     seen = log if not stop() else log.between(-np.inf, fed_until_s)
-    return _write(seen, smoother, out, config, truth, anchors, closed_walk, recording)
+    result = _result(seen, smoother, watcher, config, truth, anchors, closed_walk)
+    until_s = fed_until_s if stop() else None
+    return replace(result, origin=origin, inputs={**(inputs or {}), "online_chunk_s": chunk_s, "until_s": until_s})
 
 
 def live(
@@ -83,8 +125,11 @@ def live(
     resume: bool = False,
     closed_walk: bool = False,
     truth: Checkpoints | None = None,
+    origin: Georeference | None = None,
     recording: bool = True,
-) -> dict[str, Any]:
+    view: LiveView | None = None,
+    inputs: Mapping[str, Any] | None = None,
+) -> WalkResult:
     """Follow a live source; every complete line is on disk before it is used.
 
     Args:
@@ -95,7 +140,9 @@ def live(
         resume: go on from the lines in ``out/raw.csv``; their steps are not reported again.
         closed_walk: the smoother may assume that the walk ended where it began.
         truth: for scoring, on the device's clock.
-        recording: whether to write ``recording.rrd``.
+        origin, inputs: as in ``WalkResult``.
+        recording: whether the result is to hold beliefs.
+        view: shows the walk meanwhile.
 
     Raises:
         ConfigError: ``out`` holds something else, or there is nothing to resume.
@@ -104,9 +151,18 @@ def live(
     """
     raw_path = out / RAW
     reader, smoother = LiveReader(out.name), OnlineSmoother(config, closed_walk=closed_walk)
+    watcher = Watcher(smoother, recording, view)
+
+    def feed(lines: list[str] | None, tell: bool = True) -> None:
+        piece = reader.finish() if lines is None else reader.push(lines)
+        updates = smoother.feed(piece)
+        for update in updates if tell else ():
+            on_update(update)
+        watcher.fed(piece, updates)
+
     if resume:
         for line_block in _saved_lines(raw_path):
-            smoother.feed(reader.push(line_block))
+            feed(line_block, tell=False)
     else:
         check_run_folder(out)
         out.mkdir(parents=True, exist_ok=True)
@@ -120,11 +176,10 @@ def live(
             if not newline:
                 continue
             raw.write(complete + newline)
-            for update in smoother.feed(reader.push(complete.decode("latin-1").split("\n"))):
-                on_update(update)
-    for update in smoother.feed(reader.finish()):
-        on_update(update)
-    return _write(saved_log(raw_path), smoother, out, config, truth, None, closed_walk, recording)
+            feed(complete.decode("latin-1").split("\n"))
+    feed(None)
+    result = _result(saved_log(raw_path), smoother, watcher, config, truth, None, closed_walk)
+    return replace(result, origin=origin, inputs={**(inputs or {}), "log": RAW})
 
 
 def resumed_config(out: Path) -> Config:
@@ -147,27 +202,18 @@ def saved_log(raw_path: Path) -> SensorLog:
     reader = LiveReader(raw_path.parent.name)
     parts = [reader.push(block) for block in _saved_lines(raw_path)]
     parts.append(reader.finish())
-    streams = {
-        name: Stream(
-            np.concatenate([getattr(part, name).t_s for part in parts]),
-            np.concatenate([getattr(part, name).values for part in parts]),
-        )
-        for name in ("acc", "gyro", "mag", "pressure")
-    }
-    if min(len(streams["acc"]), len(streams["gyro"])) < 2:
+    log = SensorLog.concatenate(parts)
+    if min(len(log.acc), len(log.gyro)) < 2:
         raise DataError(f"{raw_path}: no usable accelerometer and gyroscope samples arrived")
     counts = {reason: number for reason, number in reader.counts.items() if number}
-    missing = [f"no {sensor}: {cost}" for name, (sensor, cost) in OPTIONAL_SENSORS.items() if len(streams[name]) == 0]
-    events = tuple(event for part in parts for event in part.events)
-    return SensorLog(
+    missing = [
+        f"no {sensor}: {cost}" for name, (sensor, cost) in OPTIONAL_SENSORS.items() if len(getattr(log, name)) == 0
+    ]
+    return replace(
+        log,
         name=raw_path.parent.name,
         format="m5stickc",
         t0_s=reader.t0_s,
-        acc=streams["acc"],
-        gyro=streams["gyro"],
-        mag=streams["mag"],
-        pressure=streams["pressure"],
-        events=events,
         notices=(*reader.notices, *missing),
         counts=counts,
     )
@@ -184,17 +230,16 @@ def _saved_lines(raw_path: Path) -> Iterator[list[str]]:
         yield lines[at : at + 20_000]
 
 
-def _write(
+def _result(
     log: SensorLog,
     smoother: OnlineSmoother,
-    out: Path,
+    watcher: Watcher,
     config: Config,
     truth: Checkpoints | None,
     anchors: Checkpoints | None,
     closed_walk: bool,
-    recording: bool,
-) -> dict[str, Any]:
-    """The run folder: into a folder of its own first, then file by file into place, so that none is ever half there."""
+) -> WalkResult:
+    """Everything about a walk that is over, the other estimators beside it."""
     smoothed = smoother.finish()
     track, signals = detect_steps(log, config)
     result = WalkResult(
@@ -212,15 +257,25 @@ def _write(
         truth=truth,
         anchors=anchors,
         closed_walk=closed_walk,
+        beliefs=tuple(watcher.beliefs),
     )
-    summary = summarize(result)
+    if watcher.view is not None:
+        watcher.view.finished(result, smoother, summary_markdown(summarize(result)))
+    return result
+
+
+def write_walk(result: WalkResult, out: Path, recording: bool = True) -> dict[str, Any]:
+    """The run folder of a walk that was followed; returns its summary.
+
+    Into a folder of its own first, then file by file into place, so that none is ever half there; what is in place
+    already, ``raw.csv``, stays.
+
+    Raises:
+        DataError: truth that does not belong to this log.
+    """
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
-        write_tables(result, Path(folder))
-        if recording:
-            from fbgraph.recording import write_recording  # rerun takes a second to import
-
-            write_recording(result, Path(folder) / "recording.rrd", summary_markdown(summary))
+        summary = write_files(result, Path(folder), recording)
         for path in Path(folder).iterdir():
             path.replace(out / path.name)
     return summary

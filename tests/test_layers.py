@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "fbgraph"
+VIEWING = {"recording", "scene", "rrd", "blueprint", "comparison", "live_view"}
 LAYERS = {
     0: {"errors", "config", "geometry", "georeference", "log", "checkpoints", "trajectory", "palette"},
     1: {"readers", "simulate", "routes", "gait", "attitude", "rests", "steps", "field", "sources"},
     2: {"pdr", "ekf", "graph", "residuals", "smoother", "online", "closures", "result"},
-    3: {"metrics", "guidance", "exports", "recording", "rrd", "blueprint", "live_view"},
-    4: {"pipeline", "session", "batch", "study", "cli"},
+    3: {"metrics", "guidance", "findings", "exports", *VIEWING},
+    4: {"pipeline", "session", "reruns", "batch", "study", "cli"},
 }
 LEVEL = {room: level for level, rooms in LAYERS.items() for room in rooms}
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
@@ -48,6 +49,6 @@ def test_no_room_imports_a_higher_one(path: Path) -> None:
 def test_heavy_libraries_stay_in_their_rooms(path: Path) -> None:
     used = {name.split(".")[0] for name in imports(path)}
     assert "gtsam" not in used or LEVEL[room(path)] == 2
-    assert "rerun" not in used or room(path) in {"recording", "rrd", "blueprint", "live_view"}
+    assert "rerun" not in used or room(path) in VIEWING
     if room(path) != "cli":
         assert not {"print", "sys.exit", "exit", "typer.Exit"} & called(path)
