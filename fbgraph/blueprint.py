@@ -18,7 +18,7 @@ _LEGEND_ROWS = 13  # to the walk's size: far enough apart for labels on a laptop
 
 @dataclass(frozen=True)
 class Frame:
-    """The part of the plane that the map opens on, metres: the walk and, if ``legend``, a column for it on the right."""
+    """The part of the plane that the map opens on: the walk and, with ``legend``, a column for one; metres."""
 
     x_min_m: float
     x_max_m: float
@@ -156,7 +156,7 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
     shown = [f"{root}/map/**", f"- {root}/map/believed/**", f"- {root}/map/return/**"]
     walk = plan("Map, North up", shown)
     if narrow:
-        first = stacked("The walk", (4, [walk]), *zip((2, 1, 2), ([view] for view in beside), strict=False))
+        first = stacked("The walk", (5, [walk]), *zip((2, 1.4, 2.4), ([view] for view in beside), strict=False))
     else:
         column = rrb.Vertical(*beside, row_shares=[3, 1, 2][: len(beside)])
         first = rrb.Horizontal(walk, column, column_shares=[5, 3], name="The walk")

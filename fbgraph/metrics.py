@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Literal
 
@@ -110,12 +111,13 @@ def leg_errors(trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, mi
         min_leg_m: checkpoints closer to the one before are skipped: their direction is that of the survey's error.
     """
     t_s = truth.t_s - t0_s
+    places = truth.xy_m
     chosen = [0]
-    for i in range(1, len(truth)):
-        if np.hypot(*(truth.xy_m[i] - truth.xy_m[chosen[-1]])) >= min_leg_m:
+    for i, place in enumerate(places.tolist()):
+        if math.dist(place, places[chosen[-1]]) >= min_leg_m:
             chosen.append(i)
     estimated = np.diff(trajectory.at(t_s[chosen])[:, :2], axis=0) @ (1.0, 1j)
-    true = np.diff(truth.xy_m[chosen], axis=0) @ (1.0, 1j)
+    true = np.diff(places[chosen], axis=0) @ (1.0, 1j)
     ratio = estimated / true
     return LegErrors(t_s[chosen[:-1]], t_s[chosen[1:]], np.abs(ratio) - 1.0, np.angle(ratio))
 

@@ -35,7 +35,7 @@ from fbgraph.online import Belief
 from fbgraph.palette import AXIS_COLORS, COLORS, LABELS
 from fbgraph.result import WalkResult
 from fbgraph.rrd import Rgba, RrdWriter
-from fbgraph.scene import FAINT, SIGMAS, ordered
+from fbgraph.scene import FAINT, MOST_LABELS, SIGMAS, ordered
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
 
@@ -43,9 +43,9 @@ _ACC_NORM_HZ = 20.0  # of |acc| beside the steps; the raw stream has every sampl
 _PAUSE_S = 3.0  # curves of steps are broken where nobody stepped for longer
 _SENSORS = {
     # unit, and a power of two finer than the sensor resolves: rounded to it, numbers take a third less of the file
-    "acc": ("m/s²", 2.0**-10),
+    "acc": ("m/s²", 2.0**-9),
     "gyro": ("rad/s", 2.0**-12),
-    "mag": ("µT", 2.0**-6),
+    "mag": ("µT", 2.0**-5),
     "pressure": ("hPa", 2.0**-10),
 }
 _WEARER_COLORS: dict[str, Rgba] = {WALKING: (0, 114, 178), STANDING: (110, 110, 110), MOVING: (96, 72, 140)}
@@ -253,7 +253,7 @@ class Recorder:
         for kind in smoothed.residuals:
             t_s, label = smoothed.trajectory.t_s[kind.k], [kind.name.replace("_", " ")]
             rrd.series(f"residuals/{kind.name}", t_s, kind.whitened, label, [_kind_color(kind.name)], points=_CIRCLE)
-            if kind.weight.min() < 1.0 or kind.name in ("compass", "barometer", "anchor", "closure"):
+            if kind.weight.min() < 1.0:
                 rrd.series(f"weights/{kind.name}", t_s, kind.weight, label, [_kind_color(kind.name)], points=_CIRCLE)
         errors = np.log10(np.maximum(smoothed.errors, 1e-12))
         rrd.fixed("solver/log10_error", rr.BarChart(errors, color=COLORS["smoothed"]))
@@ -264,7 +264,10 @@ class Recorder:
         rrd = self._rrd
         for name, (t_s, error_m) in errors.items():
             rrd.series(f"error_m/{name}", t_s, error_m, [LABELS[name]], [COLORS[name]], width=2.0)
-            rrd.series(f"error_m/{name}_at", t_s, error_m, [LABELS[name]], [COLORS[name]], width=3.0, points=_CIRCLE)
+            if len(t_s) <= MOST_LABELS:
+                rrd.series(
+                    f"error_m/{name}_at", t_s, error_m, [LABELS[name]], [COLORS[name]], width=3.0, points=_CIRCLE
+                )
             assert result.truth is not None  # there are errors
             legs = leg_errors(result.trajectories[name], result.truth, result.log.t0_s)
             middle_s = (legs.start_s + legs.end_s) / 2.0

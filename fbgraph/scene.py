@@ -29,7 +29,7 @@ _ELLIPSES = 10  # about so many along a walk; more hide each other
 _ELLIPSE_POINTS = 33
 _SAME_PLACE_M = 0.5  # checkpoints closer than this share a label ...
 _SAME_FLOOR_M = 2.0  # ... unless one lies on another floor
-_MOST_LABELS = 100
+MOST_LABELS = 100
 _SETTLED_POINTS = 1000  # of the part of a belief that no longer moves
 _WIDTHS = {"smoothed": 2.0}
 _WIDTH = 1.2
@@ -105,7 +105,7 @@ def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Fr
     seen = [places]
     if result.truth is not None and len(result.truth):
         known = truth_places(result)
-        dense = len(known) > _MOST_LABELS  # a track rather than checkpoints
+        dense = len(known) > MOST_LABELS  # a track rather than checkpoints
         rrd.lines("truth/path", [known], COLORS["truth"], 2.0 if dense else 1.0)
         if not dense:
             rrd.points("truth/checkpoints", *_grouped(known), COLORS["truth"], 5.0)
@@ -253,7 +253,7 @@ def _grouped(places: FloatArray) -> tuple[FloatArray, list[str] | None]:
 
     Truth so dense that its labels would cover the walk has none.
     """
-    if len(places) > _MOST_LABELS:
+    if len(places) > MOST_LABELS:
         return places, None
     groups: list[list[int]] = []
     for i, place in enumerate(places):

@@ -19,8 +19,9 @@ from fbgraph.metrics import score
 from fbgraph.palette import COLORS, LABELS
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import read_log
-from fbgraph.recording import _grouped, _laps, write_recording
+from fbgraph.recording import _laps, write_recording
 from fbgraph.result import ESTIMATORS, WalkResult
+from fbgraph.scene import _grouped
 
 T0_S = 1000.0
 PATHS = {"pdr", "ekf", "smoothed"}
@@ -101,20 +102,25 @@ def test_has_every_entity(walk: WalkResult, tmp_path: Path) -> None:
     expected = {f"sensors/{name}" for name in ("acc", "gyro", "mag", "pressure")}
     for space in ("world", "map"):
         expected |= {f"{space}/{name}/{what}" for name in PATHS for what in ("path", "position")}
-        expected |= {f"{space}/smoothed/{what}" for what in ("breadcrumbs", "ellipses", "ends", "closure")}
+        expected |= {f"{space}/smoothed/{what}" for what in ("breadcrumbs", "ellipses", "ends", "closed_walk")}
         expected |= {f"{space}/truth/{what}" for what in ("path", "checkpoints")} | {space}
     expected |= {f"map/legend/{what}" for what in ("colors", "scale", "north")}
     expected |= {f"state/yaw_deg/{name}" for name in (*PATHS, "compass", "smoothed_2sigma")}
-    expected |= {f"state/gyro_bias_deg_s/{name}" for name in ("ekf", "smoothed", "rest")}
+    expected |= {f"state/gyro_bias_deg_s/{name}" for name in ("ekf", "smoothed", "smoothed_2sigma", "rest")}
     expected |= {f"state/altitude_m/{name}" for name in ("barometer", "ekf", "smoothed", "smoothed_2sigma")}
-    expected |= {"state/field/norm_ut", "state/field/dip_deg", "state/step_length_m", "state/step_frequency_hz"}
-    expected |= {"state/still", "state/acc_norm_m_s2", "steps", "events", "summary"}
-    expected |= {f"error_m/{name}" for name in PATHS}
+    expected |= {f"state/magnetic_disturbance_deg/{what}" for what in ("compass_off", "expected_2sigma")}
+    expected |= {"state/field/norm_ut", "state/field/dip_deg", "state/compass_trust", "state/step_frequency_hz"}
+    expected |= {f"state/step_length_m/{what}" for what in ("measured", "measured_2sigma", "smoothed")}
+    expected |= {"state/acc_norm_m_s2", "steps", "events", "findings", "summary", "lanes/wearer", "lanes/compass"}
+    expected |= {f"error_m/{name}{what}" for name in PATHS for what in ("", "_at")} | {"uncertainty_m/smoothed_2sigma"}
+    expected |= {f"legs/{what}/{name}" for name in PATHS for what in ("length_percent", "direction_deg")}
+    expected |= {f"residuals/{kind.name}" for kind in walk.smoothed.residuals}
+    expected |= {"solver/log10_error", "graph"}
     assert found == expected
 
 
 def test_every_chunk_is_on_its_timelines_and_none_on_the_wall_clock(walk: WalkResult, tmp_path: Path) -> None:
-    only_time = ("sensors/", "state/still", "state/acc_norm_m_s2")
+    only_time = ("sensors/", "state/acc_norm_m_s2")
     for entity, chunks in record(walk, tmp_path / "walk.rrd").items():
         for chunk in chunks:
             expected = {"time"} if entity.startswith(only_time) else EVERYWHERE
@@ -177,8 +183,9 @@ def test_equal_walks_give_equal_recordings_and_others_do_not(walk: WalkResult, t
 def test_walk_without_compass_barometer_and_truth(bare_walk: WalkResult, tmp_path: Path) -> None:
     found = set(record(bare_walk, tmp_path / "bare.rrd"))
     absent = ("sensors/mag", "sensors/pressure", "state/field", "state/altitude_m", "error_m", "world/truth", "events")
+    absent += ("geo", "legs", "state/magnetic_disturbance_deg", "residuals/compass", "map/believed")
     assert not [entity for entity in found if entity.startswith(absent)]
-    assert not {"state/yaw_deg/compass", "world/anchors", "world/smoothed/closure"} & found
+    assert not {"state/yaw_deg/compass", "world/anchors/places", "world/smoothed/closed_walk", "lanes/compass"} & found
     assert {f"world/{name}/path" for name in PATHS} <= found
 
 
@@ -189,8 +196,11 @@ def test_anchors_keep_their_frame_and_the_others_set_out_with_the_smoothed(tmp_p
     chunks = record(result, tmp_path / "anchored.rrd")
     places = column(chunks["map/truth/path"], "LineStrips2D:strips", static=True).reshape(-1, 2)
     np.testing.assert_allclose(places, truth.xy_m, atol=1e-4)
-    anchors = column(chunks["map/anchors"], "Points2D:positions", static=True).reshape(-1, 2)
+    anchors = column(chunks["map/anchors/places"], "Points2D:positions", static=True).reshape(-1, 2)
     np.testing.assert_allclose(anchors, truth.xy_m[::2], atol=1e-4)
+    edges = column(chunks["map/anchors/edges"], "LineStrips2D:strips", static=True).reshape(-1, 2, 2)
+    np.testing.assert_allclose(edges[:, 0], truth.xy_m[::2], atol=1e-4)
+    np.testing.assert_allclose(edges[:, 1], result.smoothed.trajectory.at(truth.t_s[::2] - T0_S)[:, :2], atol=1.0)
     start = column(chunks["map/smoothed/position"], "Points2D:positions")[0]
     for name in PATHS:
         np.testing.assert_allclose(column(chunks[f"map/{name}/position"], "Points2D:positions")[0], start, atol=1e-4)
