@@ -41,6 +41,7 @@ from fbgraph.trajectory import Trajectory
 
 _ACC_NORM_HZ = 20.0  # of |acc| beside the steps; the raw stream has every sample
 _PAUSE_S = 3.0  # curves of steps are broken where nobody stepped for longer
+_QUIET_SIGMA = 0.01  # residuals that never exceed it are in the table only
 _SENSORS = {
     # unit, and a power of two finer than the sensor resolves: rounded to it, numbers take a third less of the file
     "acc": ("m/s²", 2.0**-9),
@@ -252,7 +253,9 @@ class Recorder:
         rrd, smoothed = self._rrd, result.smoothed
         for kind in smoothed.residuals:
             t_s, label = smoothed.trajectory.t_s[kind.k], [kind.name.replace("_", " ")]
-            rrd.series(f"residuals/{kind.name}", t_s, kind.whitened, label, [_kind_color(kind.name)], points=_CIRCLE)
+            if np.abs(kind.whitened).max() > _QUIET_SIGMA:
+                entity, color = f"residuals/{kind.name}", _kind_color(kind.name)
+                rrd.series(entity, t_s, kind.whitened, label, [color], points=_CIRCLE)
             if kind.weight.min() < 1.0:
                 rrd.series(f"weights/{kind.name}", t_s, kind.weight, label, [_kind_color(kind.name)], points=_CIRCLE)
         errors = np.log10(np.maximum(smoothed.errors, 1e-12))
