@@ -325,7 +325,7 @@ def view(
     import tempfile
 
     _require_rerun()
-    from fbgraph.comparison import compare, recording_of
+    from fbgraph.side_by_side import compare, recording_of
 
     with tempfile.TemporaryDirectory(prefix="fbgraph-") as folder:
         shown = recording_of(runs[0])

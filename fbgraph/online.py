@@ -145,7 +145,7 @@ class OnlineSmoother:
             DataError: no step yet.
         """
         self._require_steps()
-        nodes = self._read_window()
+        nodes = self._read_window(self._isam.calculateEstimate())
         xy_m = np.array([(node.x_m, node.y_m) for node in nodes])
         return Belief(len(self._steps) - 1, self._steps[-1].t_s, self._first, xy_m)
 
@@ -313,9 +313,8 @@ class OnlineSmoother:
         z_m, bias = self._isam.calculateEstimateDouble(Z(k)), self._isam.calculateEstimateDouble(B(k))
         return Node(pose.x(), pose.y(), z_m, yaw, bias)
 
-    def _read_window(self) -> list[Node]:
-        """The window's breadcrumbs out of iSAM2, each yaw unwrapped to lie near the one known before."""
-        result = self._isam.calculateBestEstimate()
+    def _read_window(self, result: Values) -> list[Node]:
+        """The window's breadcrumbs of an estimate of iSAM2, each yaw unwrapped to lie near the one known before."""
         nodes = []
         for k in range(self._first, len(self._steps)):
             pose, near = result.atPose2(X(k)), self._nodes[k].yaw_rad
@@ -325,7 +324,7 @@ class OnlineSmoother:
 
     def _refresh(self) -> None:
         """Take the whole window over from iSAM2."""
-        self._nodes[self._first :] = self._read_window()
+        self._nodes[self._first :] = self._read_window(self._isam.calculateBestEstimate())
 
     def _shorten_window(self) -> None:
         """Eliminate the older half of the window into a prior on the breadcrumb where the newer half begins."""

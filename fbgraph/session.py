@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import tempfile
 import time
@@ -35,18 +36,18 @@ RAW = "raw.csv"
 _BELIEF_STEPS = 5  # as often as iSAM2 relinearises
 
 
-def pieces(log: SensorLog, chunk_s: float, speed: float, stop: Callable[[], bool]) -> Iterator[SensorLog]:
-    """A log cut into pieces, delivered ``speed`` times as fast as it was recorded (infinity: at once)."""
+def pieces(log: SensorLog, chunk_s: float, speed: float, stop: Callable[[], bool]) -> Iterator[tuple[SensorLog, float]]:
+    """A log cut into pieces, each with its end, delivered ``speed`` times as fast as recorded (infinity: at once)."""
     began = time.monotonic()
     end_s = max(log.acc.t_s[-1], log.gyro.t_s[-1])
-    edges = np.arange(0.0, end_s + chunk_s, chunk_s)
-    for start_s in edges:
-        due = began + (start_s + chunk_s) / speed
+    edges = [-np.inf, *np.arange(chunk_s, end_s, chunk_s).tolist(), np.inf]
+    for start_s, until_s in itertools.pairwise(edges):
+        due = began + min(until_s, end_s) / speed
         while time.monotonic() < due and not stop():
             time.sleep(min(max(due - time.monotonic(), 0.0), 0.2))
         if stop():
             return
-        yield log.between(start_s if start_s > 0 else -np.inf, start_s + chunk_s)
+        yield log.between(start_s, until_s), until_s
 
 
 class Watcher:
@@ -103,17 +104,17 @@ def replay(
     """
     smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk)
     watcher = Watcher(smoother, recording, view)
-    fed_until_s = 0.0
-    for piece in pieces(log, chunk_s, speed, stop):
+    fed_until_s = -np.inf
+    for piece, until_s in pieces(log, chunk_s, speed, stop):
         updates = smoother.feed(piece)
         for update in updates:
             on_update(update)
         watcher.fed(piece, updates)
-        fed_until_s += chunk_s
-    seen = log if not stop() else log.between(-np.inf, fed_until_s)
+        fed_until_s = until_s
+    seen = log.between(-np.inf, fed_until_s)
     result = _result(seen, smoother, watcher, config, truth, anchors, closed_walk)
-    until_s = fed_until_s if stop() else None
-    return replace(result, origin=origin, inputs={**(inputs or {}), "online_chunk_s": chunk_s, "until_s": until_s})
+    stopped_s = fed_until_s if np.isfinite(fed_until_s) else None
+    return replace(result, origin=origin, inputs={**(inputs or {}), "online_chunk_s": chunk_s, "until_s": stopped_s})
 
 
 def live(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "fbgraph"
-VIEWING = {"recording", "scene", "rrd", "blueprint", "comparison", "live_view"}
+VIEWING = {"recording", "scene", "rrd", "blueprint", "side_by_side", "live_view"}
 LAYERS = {
     0: {"errors", "config", "geometry", "georeference", "log", "checkpoints", "trajectory", "palette"},
     1: {"readers", "simulate", "routes", "gait", "attitude", "rests", "steps", "field", "sources"},

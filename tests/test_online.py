@@ -19,14 +19,14 @@ import pytest
 
 from fbgraph.config import Config, load_config
 from fbgraph.errors import DataError
-from fbgraph.log import SensorLog
+from fbgraph.log import SensorLog, Stream
 from fbgraph.metrics import score
 from fbgraph.online import OnlineSmoother, Update
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.readers.live import LiveReader
 from fbgraph.routes import load_route
-from fbgraph.session import saved_log
+from fbgraph.session import pieces, saved_log
 from fbgraph.simulate import SimulateOptions, simulate, write_m5stickc_csv
 from fbgraph.trajectory import Trajectory, read_tum
 
@@ -41,6 +41,18 @@ def differences(a: Trajectory, b: Trajectory) -> tuple[float, float]:
     assert len(a) == len(b)
     yaw = (a.yaw_rad - b.yaw_rad + np.pi) % (2 * np.pi) - np.pi
     return float(np.sqrt(((a.xy_m - b.xy_m) ** 2).sum(axis=1).mean())), float(np.degrees(np.sqrt((yaw**2).mean())))
+
+
+@pytest.mark.parametrize("chunk_s", [0.1, 0.03, 0.7, 1e9])
+def test_a_replayed_log_is_the_log(chunk_s: float) -> None:
+    """Cut into pieces, no sample is lost or doubled, also where it lies on a cut."""
+    t_s = np.round(np.arange(0.0, 60.0, 0.01), 2)
+    acc = Stream(t_s, np.tile(t_s[:, None], 3))
+    mag = Stream(t_s[::7] + 1.0, np.tile(t_s[::7, None], 3))
+    log = SensorLog(name="x", format="x", t0_s=0.0, acc=acc, gyro=acc, mag=mag)
+    joined = SensorLog.concatenate([piece for piece, _ in pieces(log, chunk_s, np.inf, lambda: False)])
+    for name in ("acc", "gyro", "mag"):
+        np.testing.assert_array_equal(getattr(joined, name).t_s, getattr(log, name).t_s)
 
 
 def real_logs(shared_data: Path) -> list[Path]:
