@@ -9,15 +9,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fbgraph.checkpoints import Checkpoints
-from fbgraph.config import Config
+from fbgraph.config import Config, load_config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError
-from fbgraph.exports import run_folder, summarize, summary_markdown, write_tables
+from fbgraph.exports import (
+    read_events,
+    read_summary,
+    read_trajectory,
+    run_folder,
+    summarize,
+    summary_markdown,
+    write_tables,
+)
+from fbgraph.guidance import Way, way
 from fbgraph.log import SensorLog
 from fbgraph.pdr import dead_reckon
 from fbgraph.result import WalkResult
 from fbgraph.smoother import smooth
 from fbgraph.steps import detect_steps
+from fbgraph.way_maps import Origin, georeference
 
 if TYPE_CHECKING:
     from fbgraph.routes import Route
@@ -99,6 +109,23 @@ def write_run(
 
             write_recording(result, folder / "recording.rrd", summary_markdown(summary))
     return summary
+
+
+def read_way(run: Path, estimator: str = "smoothed", pace_m: float | None = None) -> tuple[Way, Origin | None]:
+    """The way of a run folder in walking order, with the landmarks of its log, and where on Earth it lies if known.
+
+    Raises:
+        ConfigError: no such estimator, or a pace that is not positive.
+        DataError: not a run folder, or nothing in it that leads anywhere.
+    """
+    summary = read_summary(run)
+    trajectory = read_trajectory(run, estimator)
+    graph = load_config(str(run / "config.toml")).graph
+    anchored = estimator == "smoothed" and summary.get("anchors", 0) > 1  # in the anchors' own frame
+    compass = anchored or summary["log"].get("samples", {}).get("mag", 1) > 0
+    name = f"{summary['log']['name']} ({estimator})"
+    found = way(trajectory, read_events(summary), pace_m, graph, name, compass)
+    return found, georeference(summary, str(run))
 
 
 def simulate_files(out: Path, route: Route, options: SimulateOptions, seed: int) -> dict[str, Any]:

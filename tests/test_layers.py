@@ -10,7 +10,18 @@ LAYERS = {
     0: {"errors", "config", "geometry", "log", "checkpoints", "trajectory", "palette"},
     1: {"readers", "simulate", "routes", "gait", "attitude", "rests", "steps", "field", "sources"},
     2: {"pdr", "ekf", "graph", "smoother", "online", "closures", "result"},
-    3: {"metrics", "guidance", "exports", "recording", "rrd", "blueprint", "live_view"},
+    3: {
+        "metrics",
+        "turns",
+        "guidance",
+        "way_texts",
+        "way_maps",
+        "exports",
+        "recording",
+        "rrd",
+        "blueprint",
+        "live_view",
+    },
     4: {"pipeline", "session", "batch", "study", "cli"},
 }
 LEVEL = {room: level for level, rooms in LAYERS.items() for room in rooms}

@@ -1,0 +1,102 @@
+"""Turns of a walk: where its direction changes for good."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbgraph.geometry import FloatArray, wrap_angle
+from fbgraph.trajectory import Trajectory
+
+MIN_TURN_RAD = math.radians(30.0)
+_SHORTEST_STEPS = 3  # fewer steps in a direction of their own are part of a turn
+_TURN_STEPS = 2  # steps on either side of a turn that may still be turning
+_ARC_RAD = math.radians(150.0)  # two turns about a shortest leg are one, unless it is a U-turn about a landing
+_MIN_SIGMA_RAD = math.radians(3.0)  # nobody walks straighter
+_PENALTY = 3.0
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn at a breadcrumb: ``angle_rad`` is positive to the left."""
+
+    breadcrumb: int
+    t_s: float
+    angle_rad: float
+
+
+def find_turns(trajectory: Trajectory, min_turn_rad: float = MIN_TURN_RAD) -> list[Turn]:
+    """Where the direction walked changes for good by at least ``min_turn_rad``.
+
+    The yaw of the steps is cut into pieces of constant direction by penalised least squares; a piece must pay for
+    itself in units of the variance of the yaw from step to step, so an unsteady walk needs more evidence. Then the
+    weakest change goes first until every one that is left is a turn; two turns the same way that are hardly a step
+    apart are one. A gradual curve becomes several turns.
+    """
+    yaw = trajectory.yaw_rad[1:]  # the standing start has no direction of its own
+    count = len(yaw)
+    if count < 2 * _SHORTEST_STEPS:
+        return []
+    walked = trajectory.distance_m
+    walked = walked / max(float(np.median(np.diff(walked))), 1e-6)
+    # robust: most steps do not turn
+    sigma = max(float(np.median(np.abs(np.diff(yaw)))) / (0.6745 * math.sqrt(2.0)), _MIN_SIGMA_RAD)
+    edges = [0, *_change_points(yaw, _PENALTY * sigma**2 * math.log(count)), count]
+    while len(edges) > 2:
+        turn = wrap_angle(np.diff(leg_yaws(trajectory, edges)))
+        paces, total = np.diff(walked[edges])[1:-1], np.abs(turn[:-1] + turn[1:])
+        arc = (paces < _SHORTEST_STEPS - 0.5) | ((paces < _SHORTEST_STEPS + 0.5) & (total < _ARC_RAD))
+        arcs = np.flatnonzero(arc & (turn[:-1] * turn[1:] > 0))
+        weakest = int(np.argmin(np.abs(turn)))
+        if abs(turn[weakest]) < min_turn_rad:
+            del edges[weakest + 1]
+        elif len(arcs):
+            at = int(arcs[0])
+            del edges[at + 1 if abs(turn[at]) < abs(turn[at + 1]) else at + 2]
+        else:
+            return [Turn(k, float(trajectory.t_s[k]), float(angle)) for k, angle in zip(edges[1:-1], turn, strict=True)]
+        level = leg_yaws(trajectory, edges)
+        for i in range(1, len(edges) - 1):
+            edges[i] = _corner(yaw, edges[i - 1], edges[i + 1], level[i - 1], level[i])
+    return []
+
+
+def leg_yaws(trajectory: Trajectory, edges: Sequence[int]) -> FloatArray:
+    """Directions between successive ``edges`` (breadcrumbs): from place to place, without the steps that turn."""
+    lo, hi = np.array(edges[:-1]), np.array(edges[1:])
+    trim = np.minimum(_TURN_STEPS, (hi - lo - 1) // 2)
+    lo, hi = lo + np.where(lo == edges[0], 0, trim), hi - np.where(hi == edges[-1], 0, trim)
+    way_m = trajectory.xy_m[hi] - trajectory.xy_m[lo]
+    return np.asarray(np.arctan2(way_m[:, 1], way_m[:, 0]))
+
+
+def _change_points(values: FloatArray, penalty: float) -> list[int]:
+    """Cuts of the piecewise constant fit that minimises squares + penalty a piece (PELT: Killick et al. 2012)."""
+    count = len(values)
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    square = np.concatenate(([0.0], np.cumsum(values**2)))
+    best, last = np.full(count + 1, np.inf), np.zeros(count + 1, dtype=int)
+    best[0] = -penalty
+    starts = np.zeros(1, dtype=int)
+    for end in range(_SHORTEST_STEPS, count + 1):
+        misfit = square[end] - square[starts] - (total[end] - total[starts]) ** 2 / (end - starts)
+        cost = best[starts] + misfit
+        at = int(np.argmin(cost))
+        best[end], last[end] = cost[at] + penalty, starts[at]
+        starts = np.append(starts[cost <= best[end]], end - _SHORTEST_STEPS + 1)
+    cuts = []
+    cut = int(last[count])
+    while cut > 0:
+        cuts.append(cut)
+        cut = int(last[cut])
+    return cuts[::-1]
+
+
+def _corner(yaw_rad: FloatArray, lo: int, hi: int, before_rad: float, after_rad: float) -> int:
+    """Where between lo and hi one direction best gives way to the other."""
+    steps = yaw_rad[lo:hi]
+    gain = np.abs(wrap_angle(steps - before_rad)) - np.abs(wrap_angle(steps - after_rad))
+    return lo + 1 + int(np.argmin(np.cumsum(gain)[:-1]))
