@@ -19,6 +19,7 @@ from fbgraph.geometry import FloatArray, wrap_scalar
 from fbgraph.trajectory import Trajectory
 from fbgraph.turns import find_turns, leg_yaws
 
+_STEEP = 0.1  # a step that rises or falls by more of its length was shortened by the slope
 MIN_CLIMB_M = 1.0  # less is air pressure as often as it is a climb
 
 
@@ -186,12 +187,19 @@ def way(
 def leg_sigmas(
     trajectory: Trajectory, lo: int, hi: int, yaw_rad: float, graph: GraphConfig | None
 ) -> tuple[float | None, float | None]:
-    """Standard deviation, along and across, of breadcrumb ``hi`` as seen from ``lo`` by somebody who has a compass.
+    """Standard deviation, along and across, of the end of a leg as seen from its beginning by somebody with a compass.
 
     Only the marginal of each breadcrumb is stored, not how two of them go together, so the leg's is computed from the
-    model of its steps: along, their independent errors and the scale they share; across, their sideways errors and the
-    stored heading errors, taken to be the same all along the leg, which is the worst they can be. By the triangle
-    inequality of standard deviations it then lies between the difference and the sum of those of the two ends.
+    model of its steps. Along: their independent errors, the scale they share, and the error of what the slope took from
+    them. Across: their sideways errors, and the stored heading errors, taken to be the same all along the leg, which is
+    the worst they can be. By the triangle inequality of standard deviations it then lies between the difference and the
+    sum of those of the two ends. Last, a turn happens somewhere within a step (uniform, at either end).
+
+    Args:
+        trajectory: the breadcrumbs.
+        lo, hi: the first and last of the leg.
+        yaw_rad: its direction.
+        graph: weights of the steps.
 
     Returns:
         metres, or (None, None) without covariance or ``graph``.
@@ -199,16 +207,20 @@ def leg_sigmas(
     cov = trajectory.cov_xy_yaw
     if cov is None or graph is None or not np.isfinite(cov[[lo, hi]][:, [0, 0, 1, 2], [0, 1, 1, 2]]).all():
         return None, None
-    step_m = np.diff(trajectory.distance_m[lo : hi + 1])
+    walked = np.diff(trajectory.distance_m)
+    usual_m, step_m = float(np.median(walked)), walked[lo:hi]
+    climbing = np.abs(np.diff(trajectory.z_m[lo : hi + 1])) > _STEEP * step_m
+    slope_m = graph.sigma_slope_rel * float(np.maximum(usual_m - step_m, 0.0)[climbing].sum())
+    scale_m = graph.sigma_length_scale * float(step_m.sum())
+    along = math.hypot(graph.sigma_length_rel * float(np.linalg.norm(step_m)), scale_m, slope_m)
     sigma_yaw = np.sqrt(cov[lo + 1 : hi + 1, 2, 2])
-    along = math.hypot(graph.sigma_length_rel * float(np.linalg.norm(step_m)), graph.sigma_length_scale * step_m.sum())
     across = math.hypot(graph.sigma_lateral_m * math.sqrt(hi - lo), float(step_m @ sigma_yaw))
     bounded = []
     for axis_rad, sigma in ((yaw_rad, along), (yaw_rad + math.pi / 2.0, across)):
         axis = np.array((math.cos(axis_rad), math.sin(axis_rad)))
         first, last = (math.sqrt(max(float(axis @ cov[k, :2, :2] @ axis), 0.0)) for k in (lo, hi))
         bounded.append(min(max(sigma, abs(last - first)), last + first))
-    return bounded[0], bounded[1]
+    return math.hypot(bounded[0], usual_m * math.sqrt(2.0 / 12.0)), bounded[1]
 
 
 def _climbs(distance_m: FloatArray, z_m: FloatArray) -> Iterable[Climb]:

@@ -45,22 +45,24 @@ def find_turns(trajectory: Trajectory, min_turn_rad: float = MIN_TURN_RAD) -> li
     # robust: most steps do not turn
     sigma = max(float(np.median(np.abs(np.diff(yaw)))) / (0.6745 * math.sqrt(2.0)), _MIN_SIGMA_RAD)
     edges = [0, *_change_points(yaw, _PENALTY * sigma**2 * math.log(count)), count]
+    for at in range(1, len(edges) - 1):
+        _place(edges, at, trajectory)
     while len(edges) > 2:
         turn = wrap_angle(np.diff(leg_yaws(trajectory, edges)))
         paces, total = np.diff(walked[edges])[1:-1], np.abs(turn[:-1] + turn[1:])
         arc = (paces < _SHORTEST_STEPS - 0.5) | ((paces < _SHORTEST_STEPS + 0.5) & (total < _ARC_RAD))
         arcs = np.flatnonzero(arc & (turn[:-1] * turn[1:] > 0))
-        weakest = int(np.argmin(np.abs(turn)))
-        if abs(turn[weakest]) < min_turn_rad:
-            del edges[weakest + 1]
-        elif len(arcs):
-            at = int(arcs[0])
-            del edges[at + 1 if abs(turn[at]) < abs(turn[at + 1]) else at + 2]
-        else:
-            return [Turn(k, float(trajectory.t_s[k]), float(angle)) for k, angle in zip(edges[1:-1], turn, strict=True)]
-        level = leg_yaws(trajectory, edges)
-        for i in range(1, len(edges) - 1):
-            edges[i] = _corner(yaw, edges[i - 1], edges[i + 1], level[i - 1], level[i])
+        gone = int(np.argmin(np.abs(turn))) + 1
+        if abs(turn[gone - 1]) >= min_turn_rad:
+            if not len(arcs):
+                return [
+                    Turn(k, float(trajectory.t_s[k]), float(angle)) for k, angle in zip(edges[1:-1], turn, strict=True)
+                ]
+            gone = int(arcs[0]) + (1 if abs(turn[arcs[0]]) < abs(turn[arcs[0] + 1]) else 2)
+        del edges[gone]
+        for at in (gone - 1, gone):
+            if 0 < at < len(edges) - 1:
+                _place(edges, at, trajectory)
     return []
 
 
@@ -95,8 +97,10 @@ def _change_points(values: FloatArray, penalty: float) -> list[int]:
     return cuts[::-1]
 
 
-def _corner(yaw_rad: FloatArray, lo: int, hi: int, before_rad: float, after_rad: float) -> int:
-    """Where between lo and hi one direction best gives way to the other."""
-    steps = yaw_rad[lo:hi]
-    gain = np.abs(wrap_angle(steps - before_rad)) - np.abs(wrap_angle(steps - after_rad))
-    return lo + 1 + int(np.argmin(np.cumsum(gain)[:-1]))
+def _place(edges: list[int], at: int, trajectory: Trajectory) -> None:
+    """Move an edge to where the direction of the leg before it best gives way to that of the leg after it."""
+    lo, hi = edges[at - 1], edges[at + 1]
+    before, after = leg_yaws(trajectory, edges)[at - 1 : at + 1]
+    steps = trajectory.yaw_rad[lo + 1 : hi + 1]
+    gain = np.abs(wrap_angle(steps - before)) - np.abs(wrap_angle(steps - after))
+    edges[at] = lo + 1 + int(np.argmin(np.cumsum(gain)[:-1]))
