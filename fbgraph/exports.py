@@ -114,7 +114,10 @@ def read_breadcrumbs(path: Path) -> Trajectory:
         with path.open(encoding="utf-8") as file:
             if file.readline().strip() != BREADCRUMB_HEADER:
                 raise ValueError("its header is not that of breadcrumbs")
-            table = np.loadtxt(file, delimiter=",", ndmin=2)
+            rows = file.readlines()
+        if not rows:
+            raise ValueError("a header and no row")
+        table = np.loadtxt(rows, delimiter=",", ndmin=2)
         _, t_s, x_m, y_m, z_m, yaw_rad, bias, sigma_x, sigma_y, cov_xy, sigma_z, sigma_yaw = table.T
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: not readable as breadcrumbs: {str(error).splitlines()[0]}") from error
@@ -200,7 +203,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "steps": len(track) - 1,
         "walk_s": float(track.t_s[-1] - track.t_s[0]),
         "distance_m": float(final.distance_m[-1]),
-        "turns": len(find_turns(final)),
+        "turns": estimators["smoothed"]["turns"],
         "altitude_range_m": [float(final.z_m.min()), float(final.z_m.max())],
         "gyro_bias_deg_s": float(np.degrees(final.gyro_bias_rad_s[-1])),
         "rest_s": float(track.rest_s.sum()),

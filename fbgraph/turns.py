@@ -14,7 +14,10 @@ from fbgraph.trajectory import Trajectory
 MIN_TURN_RAD = math.radians(30.0)
 _SHORTEST_STEPS = 3  # fewer steps in a direction of their own are part of a turn
 _TURN_STEPS = 2  # steps on either side of a turn that may still be turning
-_ARC_RAD = math.radians(150.0)  # two turns about a shortest leg are one, unless it is a U-turn about a landing
+_ARC_PACES = 3.5  # two turns the same way about a shorter leg are one
+_ARC_RAD = math.radians(150.0)  # if they make more than this, they are one only about a leg that is
+_U_TURN_PACES = 2.5  # shorter than this: the landing of a staircase has room for two
+_STUMBLE_PACES = 1.5  # a shorter leg aside is no leg
 _MIN_SIGMA_RAD = math.radians(3.0)  # nobody walks straighter
 _PENALTY = 3.0
 
@@ -33,8 +36,8 @@ def find_turns(trajectory: Trajectory, min_turn_rad: float = MIN_TURN_RAD) -> li
 
     The yaw of the steps is cut into pieces of constant direction by penalised least squares; a piece must pay for
     itself in units of the variance of the yaw from step to step, so an unsteady walk needs more evidence. Then the
-    weakest change goes first until every one that is left is a turn; two turns the same way that are hardly a step
-    apart are one. A gradual curve becomes several turns.
+    weakest change goes first until every one that is left is a turn, and two turns hardly apart become one. A gradual
+    curve becomes several turns.
     """
     yaw = trajectory.yaw_rad[1:]  # the standing start has no direction of its own
     count = len(yaw)
@@ -50,15 +53,15 @@ def find_turns(trajectory: Trajectory, min_turn_rad: float = MIN_TURN_RAD) -> li
     while len(edges) > 2:
         turn = wrap_angle(np.diff(leg_yaws(trajectory, edges)))
         paces, total = np.diff(walked[edges])[1:-1], np.abs(turn[:-1] + turn[1:])
-        arc = (paces < _SHORTEST_STEPS - 0.5) | ((paces < _SHORTEST_STEPS + 0.5) & (total < _ARC_RAD))
-        arcs = np.flatnonzero(arc & (turn[:-1] * turn[1:] > 0))
+        longest = np.where(total < _ARC_RAD, _ARC_PACES, _U_TURN_PACES)
+        short = np.flatnonzero(paces < np.where(turn[:-1] * turn[1:] > 0, longest, _STUMBLE_PACES))
         gone = int(np.argmin(np.abs(turn))) + 1
         if abs(turn[gone - 1]) >= min_turn_rad:
-            if not len(arcs):
+            if not len(short):
                 return [
                     Turn(k, float(trajectory.t_s[k]), float(angle)) for k, angle in zip(edges[1:-1], turn, strict=True)
                 ]
-            gone = int(arcs[0]) + (1 if abs(turn[arcs[0]]) < abs(turn[arcs[0] + 1]) else 2)
+            gone = int(short[0]) + (1 if abs(turn[short[0]]) < abs(turn[short[0] + 1]) else 2)
         del edges[gone]
         for at in (gone - 1, gone):
             if 0 < at < len(edges) - 1:
