@@ -29,11 +29,11 @@ def heading_text(yaw_rad: float) -> str:
 
 def turn_text(turn_rad: float) -> str:
     """``turn left 85°``, to the nearest five degrees; positive is left."""
-    angle = abs(math.degrees(turn_rad))
-    if angle >= 160.0:
+    angle = 5 * round(abs(math.degrees(turn_rad)) / 5.0)
+    if angle >= 160:
         return "turn around"
-    verb = "bear" if angle < 45.0 else "turn sharp" if angle > 120.0 else "turn"
-    return f"{verb} {'left' if turn_rad > 0 else 'right'} {5 * round(angle / 5.0)}°"
+    verb = "bear" if angle < 45 else "turn sharp" if angle > 120 else "turn"
+    return f"{verb} {'left' if turn_rad > 0 else 'right'} {angle}°"
 
 
 def distance_text(length_m: float, pace_m: float, units: Units = "metric") -> str:
