@@ -12,19 +12,12 @@ from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config, load_config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError
-from fbgraph.exports import (
-    read_events,
-    read_summary,
-    read_trajectory,
-    run_folder,
-    summarize,
-    summary_markdown,
-    write_tables,
-)
+from fbgraph.exports import read_summary, run_folder, summarize, summary_markdown, write_tables
 from fbgraph.guidance import Way, way
 from fbgraph.log import SensorLog
 from fbgraph.pdr import dead_reckon
 from fbgraph.result import WalkResult
+from fbgraph.runs import read_events, read_trajectory
 from fbgraph.smoother import smooth
 from fbgraph.steps import detect_steps
 from fbgraph.way_maps import Origin, georeference
