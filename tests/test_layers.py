@@ -17,6 +17,7 @@ LAYERS = {
         "way_texts",
         "way_maps",
         "exports",
+        "runs",
         "recording",
         "rrd",
         "blueprint",
