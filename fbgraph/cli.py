@@ -385,6 +385,49 @@ def evaluate(
 
 
 @app.command()
+def guide(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
+    pace_m: Annotated[
+        float | None,
+        typer.Option("--pace-m", metavar="METRES", help="Length of your step; the median of the walk if absent."),
+    ] = None,
+    units: Annotated[str, typer.Option(metavar="metric|steps", help="What comes first.")] = "metric",
+    format_: Annotated[str, typer.Option("--format", metavar="text|json|geojson|gpx|csv", help="To print.")] = "text",
+    estimator: Annotated[
+        str, typer.Option(metavar="smoothed|online|ekf|pdr", help="Whose trajectory to follow.")
+    ] = "smoothed",
+    origin: Annotated[
+        str | None,
+        typer.Option(metavar="LAT,LON", help="Where the walk began, for maps; the run's own georeference if absent."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write there, not to stdout.")] = None,
+) -> None:
+    """Directions back along the breadcrumbs, from the end of a walk to its start."""
+    from fbgraph.exports import read_summary
+    from fbgraph.georeference import parse_origin
+    from fbgraph.runs import read_georeference, read_way
+    from fbgraph.way_maps import format_way
+
+    if units not in ("metric", "steps"):
+        raise ConfigError(f"unknown units {units!r}: expected metric or steps")
+    given = None if origin is None else parse_origin(origin)
+    there = read_way(run, estimator, pace_m)
+    if given is None:
+        where = read_georeference(read_summary(run), str(run))
+    else:
+        x_m, y_m, _ = there.points_m[0]
+        where = given.moved(-x_m, -y_m)
+    text = format_way(there.reversed(), format_, "steps" if units == "steps" else "metric", where)
+    if out is None:
+        print(text, end="")
+        return
+    try:
+        out.write_text(text, "utf-8")
+    except OSError as error:
+        raise ConfigError(f"--out {out}: cannot write there: {error.strerror}") from error
+
+
+@app.command()
 def simulate(
     out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="The M5StickC log to write.", show_default=False)],
     route: Annotated[

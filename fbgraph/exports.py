@@ -20,10 +20,10 @@ from fbgraph.config import dump_toml
 from fbgraph.errors import ConfigError, DataError
 from fbgraph.findings import find
 from fbgraph.geometry import FloatArray
-from fbgraph.guidance import find_turns
 from fbgraph.metrics import Alignment, score
 from fbgraph.result import WalkResult
 from fbgraph.trajectory import Trajectory, read_tum, write_tum
+from fbgraph.turns import find_turns
 
 BREADCRUMB_HEADER = "k,t_s,x_m,y_m,z_m,yaw_rad,gyro_bias_rad_s,sigma_x_m,sigma_y_m,cov_xy_m2,sigma_z_m,sigma_yaw_rad"
 _RUN_FILES = {
@@ -147,12 +147,12 @@ def summarize(result: WalkResult) -> dict[str, Any]:
             },
             "samples": {name: len(getattr(log, name)) for name in ("acc", "gyro", "mag", "pressure")},
             "counts": dict(log.counts),
-            "events": len(log.events),
+            "events": [{"t_s": event.t_s + log.t0_s, "label": event.label} for event in log.events],
         },
         "steps": len(track) - 1,
         "walk_s": float(track.t_s[-1] - track.t_s[0]),
         "distance_m": float(final.distance_m[-1]),
-        "turns": len(find_turns(final)),
+        "turns": estimators["smoothed"]["turns"],
         "altitude_range_m": [float(final.z_m.min()), float(final.z_m.max())],
         "end_2sigma_m": None if final.cov_xy_yaw is None else 2.0 * _longest_axis_m(final.cov_xy_yaw[-1]),
         "gyro_bias_deg_s": float(np.degrees(final.gyro_bias_rad_s[-1])),

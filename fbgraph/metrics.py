@@ -10,10 +10,12 @@ import numpy as np
 
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.errors import DataError
-from fbgraph.geometry import FloatArray
+from fbgraph.geometry import FloatArray, wrap_scalar
 from fbgraph.trajectory import Trajectory
+from fbgraph.turns import MIN_TURN_RAD, Turn, find_turns
 
 Alignment = Literal["start", "rigid", "none"]
+_TURN_STEPS, _TURN_RAD = 3.0, float(np.radians(30.0))  # how near a found turn must be to be the true one
 
 
 @dataclass(frozen=True)
@@ -128,3 +130,49 @@ def _rigid_fit(points: FloatArray, targets: FloatArray) -> FloatArray:
     b = (targets - targets.mean(axis=0)) @ (1.0, 1.0j)
     turned = a * np.exp(1j * np.angle(np.vdot(a, b)))
     return np.asarray(np.column_stack((turned.real, turned.imag)) + targets.mean(axis=0))
+
+
+@dataclass(frozen=True)
+class TurnScore:
+    """Turns found against true ones.
+
+    Attributes:
+        found: number of true turns that were found.
+        missed: (time, angle) of true turns that were not.
+        phantom: turns that are not there.
+        error_rad: (found,) angle found less the true one.
+    """
+
+    found: int
+    missed: tuple[tuple[float, float], ...]
+    phantom: tuple[Turn, ...]
+    error_rad: FloatArray
+
+
+def score_turns(trajectory: Trajectory, t_s: FloatArray, angle_rad: FloatArray) -> TurnScore:
+    """Score the turns of a trajectory (the paper's turn-event detection consistency, section Evaluation Metrics).
+
+    True turns are those of at least 30°. One is found by the nearest turn not yet taken that is at most three
+    breadcrumbs away and whose angle is within 30°; left about and right about are the same. Distance is in breadcrumbs,
+    for in a pause no time is right: who turns about after half a minute's rest does so between two of them.
+
+    Args:
+        trajectory: on the clock of the true turns.
+        t_s, angle_rad: (T,) middles and signed angles of the true turns.
+    """
+    real = np.abs(angle_rad) >= MIN_TURN_RAD
+    free, missed, errors = find_turns(trajectory), [], []
+    at = np.interp(t_s[real], trajectory.t_s, np.arange(len(trajectory)))
+    for k, when_s, angle in zip(at.tolist(), t_s[real].tolist(), angle_rad[real].tolist(), strict=True):
+        near = [
+            turn
+            for turn in free
+            if abs(turn.breadcrumb - k) <= _TURN_STEPS and abs(wrap_scalar(turn.angle_rad - angle)) <= _TURN_RAD
+        ]
+        if near:
+            best = min(near, key=lambda turn: abs(turn.breadcrumb - k))
+            free.remove(best)
+            errors.append(wrap_scalar(best.angle_rad - angle))
+        else:
+            missed.append((when_s, angle))
+    return TurnScore(len(errors), tuple(missed), tuple(free), np.array(errors))

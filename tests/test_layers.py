@@ -11,7 +11,7 @@ LAYERS = {
     0: {"errors", "config", "geometry", "georeference", "log", "checkpoints", "trajectory", "palette"},
     1: {"readers", "simulate", "routes", "gait", "attitude", "rests", "steps", "field", "sources"},
     2: {"pdr", "ekf", "graph", "residuals", "smoother", "online", "closures", "result"},
-    3: {"metrics", "guidance", "findings", "exports", *VIEWING},
+    3: {"metrics", "turns", "guidance", "way_texts", "way_maps", "findings", "exports", "runs", *VIEWING},
     4: {"pipeline", "session", "reruns", "batch", "study", "cli"},
 }
 LEVEL = {room: level for level, rooms in LAYERS.items() for room in rooms}

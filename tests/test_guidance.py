@@ -1,0 +1,421 @@
+"""The way back: what a walker is told, and that following it leads to the start."""
+
+import csv
+import io
+import json
+import math
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import gpxpy
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fbgraph import cli
+from fbgraph.config import load_config
+from fbgraph.errors import ConfigError, DataError
+from fbgraph.guidance import Way, way
+from fbgraph.log import Event
+from fbgraph.metrics import score_turns
+from fbgraph.pipeline import reconstruct, write_run
+from fbgraph.readers import read_log
+from fbgraph.routes import ROUTE_NAMES, load_route
+from fbgraph.runs import read_way
+from fbgraph.simulate import simulate
+from fbgraph.trajectory import Trajectory
+from fbgraph.turns import find_turns
+from fbgraph.way_texts import distance_text, heading_text, instructions, turn_text
+
+CONFIG = load_config("m5stickc")
+Guide = Callable[..., str]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A walk down a flight of stairs and back; its waypoints are events of the log, and one has an awkward name."""
+    log = simulate(load_route("stairs"), seed=4).log
+    events = tuple(replace(e, label="Café <A&B>\x07\n") if e.label == "3" else e for e in log.events)
+    folder = tmp_path_factory.mktemp("guidance") / "run"
+    write_run(reconstruct(replace(log, events=events), CONFIG), folder, recording=False)
+    return folder
+
+
+@pytest.fixture
+def guide(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Guide:
+    """``fbgraph guide`` as typed: what it prints on stdout, or on stderr if it fails as it should."""
+
+    def call(*arguments: object, code: int = 0) -> str:
+        monkeypatch.setattr(sys, "argv", ["fbgraph", "guide", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        printed = capsys.readouterr()
+        assert (ended.value.code or 0) == code, printed.err
+        assert (printed.out if code else printed.err) == ""
+        return printed.err if code else printed.out
+
+    return call
+
+
+def trajectory(yaw_deg: np.ndarray, step_m: float | np.ndarray = 0.7, z_m: np.ndarray | float = 0.0) -> Trajectory:
+    """Breadcrumbs of steps in these directions."""
+    yaw = np.radians(np.append(yaw_deg[:1], yaw_deg))
+    x, y = (np.append(0.0, np.cumsum(step_m * f(yaw[1:]))) for f in (np.cos, np.sin))
+    return Trajectory(0.55 * np.arange(len(yaw)), x, y, np.broadcast_to(z_m, yaw.shape), yaw, np.zeros(len(yaw)))
+
+
+def wobbly(*legs: tuple[float, int], sigma_deg: float = 2.0) -> np.ndarray:
+    yaw = np.concatenate([np.full(count, direction) for direction, count in legs])
+    return yaw + np.random.default_rng(0).normal(0.0, sigma_deg, len(yaw))
+
+
+def off_path_m(found: Way) -> float:
+    """How far somebody who follows the instructions exactly gets from the ends of the legs."""
+    here, off = np.array(found.points_m[0][:2]), 0.0
+    for leg in found.legs:
+        here = here + leg.length_m * np.array(leg.direction)
+        off = max(off, float(np.hypot(*(here - leg.points_m[-1][:2]))))
+    return off
+
+
+# what is printed
+
+
+def test_the_text_leads_from_the_end_over_every_turn_to_the_start(guide: Guide, run: Path) -> None:
+    text = guide(run)
+    lines = [line.strip() for line in text.splitlines() if line[:3].strip().isdigit()]
+    assert text.startswith("Way back of stairs-4 (smoothed): ")
+    assert len(lines) == 7  # five turns
+    assert lines[0].startswith("1. At “11”, turn around: face ")
+    assert "past “10”" not in text  # at a turn, so said there
+    assert lines[1].startswith("2. At “10”, “9”, turn left 90°, then ")
+    assert "past “Café <A&B>”" in lines[4]
+    assert "3 m down on the first" in lines[1]
+    assert "3 m up between" in lines[4]
+    assert lines[6].startswith("7. You are back at the start, at “1”.")
+    assert "This leg: ±" in text
+    assert guide(run) == text
+
+
+def test_json_headings_and_lengths_lead_to_the_start(guide: Guide, run: Path) -> None:
+    found = json.loads(guide(run, "--format", "json"))
+    x_m, y_m, _ = found["start_m"]
+    remaining_m = found["length_m"]
+    for leg in found["legs"]:
+        heading = math.radians(leg["heading_deg"])
+        x_m, y_m = x_m + leg["length_m"] * math.sin(heading), y_m + leg["length_m"] * math.cos(heading)
+        remaining_m -= leg["length_m"]
+        assert leg["remaining_m"] == pytest.approx(remaining_m, abs=0.01)
+        assert math.dist((x_m, y_m), leg["end_m"][:2]) < 1.5
+        assert leg["steps"] == round(leg["length_m"] / found["pace_m"])
+        assert 0 < leg["sigma_along_m"] < leg["length_m"]
+        assert 0 < leg["sigma_across_m"] < leg["length_m"]
+    assert found["legs"][-1]["end_m"] == pytest.approx([0, 0, 0], abs=0.01)
+    turns = [leg["turn_deg"] for leg in found["legs"]]
+    assert turns[0] is None
+    assert turns[1:3] == pytest.approx([90, -90], abs=10)
+    assert [climb["rise_m"] for climb in found["legs"][1]["climbs"]] == pytest.approx([-3], abs=0.5)
+    marks = [mark["label"] for leg in found["legs"] for mark in leg["landmarks"]]
+    assert marks == ["11", "10", "9", "8", "7", "6", "5", "4", "Café <A&B>", "2", "1"]
+    assert "back at the start" in found["arrival"]
+
+
+def test_csv_is_a_row_a_leg(guide: Guide, run: Path) -> None:
+    rows = list(csv.DictReader(io.StringIO(guide(run, "--format", "csv"))))
+    found = json.loads(guide(run, "--format", "json"))
+    assert [row["instruction"] for row in rows] == [leg["instruction"] for leg in found["legs"]]
+    assert [float(row["length_m"]) for row in rows] == [leg["length_m"] for leg in found["legs"]]
+    assert float(rows[-1]["remaining_m"]) == 0.0
+    assert "Café <A&B> after" in "".join(row["landmarks"] for row in rows)
+
+
+def test_gpx_has_route_track_and_landmarks_on_the_ground(guide: Guide, run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "back.gpx"
+    assert guide(run, "--format", "gpx", "--origin", "-33.9,151.2", "--out", out) == ""
+    document = gpxpy.parse(out.read_text("utf-8"))
+    found = json.loads(guide(run, "--format", "json"))
+    (route,), (track,) = document.routes, document.tracks
+    assert [point.description for point in route.points] == [
+        *(leg["instruction"] for leg in found["legs"]),
+        found["arrival"],
+    ]
+    assert (route.points[-1].latitude, route.points[-1].longitude) == pytest.approx((-33.9, 151.2), abs=1e-6)
+    assert track.get_points_no() == len((run / "breadcrumbs.csv").read_text().splitlines()) - 1
+    assert track.length_2d() == pytest.approx(found["length_m"], rel=0.02)
+    assert "Café <A&B>" in [point.name for point in document.waypoints]
+
+
+def test_geojson_is_longitude_first_and_unbroken(guide: Guide, run: Path) -> None:
+    found = json.loads(guide(run, "--format", "geojson", "--origin", "48.1,11.5"))
+    lines = [f["geometry"]["coordinates"] for f in found["features"] if f["properties"]["kind"] == "leg"]
+    assert len(lines) == 6
+    assert all(before[-1] == after[0] for before, after in pairwise(lines))
+    assert lines[-1][-1] == pytest.approx([11.5, 48.1], abs=1e-6)
+    kinds = [f["properties"]["kind"] for f in found["features"]]
+    assert (kinds.count("landmark"), kinds.count("start"), kinds.count("arrival")) == (11, 1, 1)
+    east_m = (lines[0][0][0] - 11.5) * math.cos(math.radians(48.1)) * 111_320
+    assert east_m == pytest.approx(json.loads(guide(run, "--format", "json"))["start_m"][0], abs=0.1)
+
+
+def test_a_run_that_knows_where_it_is_needs_no_origin(guide: Guide, run: Path, tmp_path: Path) -> None:
+    placed = tmp_path / "placed"
+    shutil.copytree(run, placed)
+    edit_summary(placed, lambda s: s.update(georeference={"lat_deg": 10.0, "lon_deg": 20.0}))
+    assert json.loads(guide(placed, "--format", "geojson"))["features"][5]["geometry"]["coordinates"][-1] == [20, 10]
+    edit_summary(placed, lambda s: s.update(georeference={"lat_deg": "somewhere"}))
+    assert "georeference" in guide(placed, "--format", "gpx", code=3)
+
+
+def test_units_and_pace_are_the_walkers(guide: Guide, run: Path) -> None:
+    length_m = json.loads(guide(run, "--format", "json"))["length_m"]
+    printed = guide(run, "--units", "steps", "--pace-m", "0.5")
+    assert f"{round(length_m / 0.5)} steps ({length_m:.0f} m)" in printed.splitlines()[0]
+    assert f"{length_m:.0f} m ({round(length_m / 0.5)} steps)" in guide(run, "--pace-m", "0.5").splitlines()[0]
+
+
+def test_other_estimators_lead_back_too_without_claiming_an_uncertainty(guide: Guide, run: Path) -> None:
+    for name in ("ekf", "pdr"):
+        assert "You are back at the start" in guide(run, "--estimator", name)
+        legs = json.loads(guide(run, "--estimator", name, "--format", "json"))["legs"]
+        assert {leg["sigma_along_m"] for leg in legs} == {None}
+
+
+def test_a_run_that_only_counts_its_events_has_no_landmarks(guide: Guide, run: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old"
+    shutil.copytree(run, old)
+    edit_summary(old, lambda s: s["log"].update(events=11))
+    assert "“" not in guide(old)
+
+
+def test_without_a_compass_only_turns_are_told(guide: Guide, run: Path, tmp_path: Path) -> None:
+    blind = tmp_path / "blind"
+    shutil.copytree(run, blind)
+    edit_summary(blind, lambda s: s["log"]["samples"].update(mag=0))
+    text = guide(blind)
+    assert "turn around, then walk" in text
+    assert "heading" not in text
+    assert "face" not in text
+    assert json.loads(guide(blind, "--format", "json"))["legs"][0]["heading_deg"] is None
+    assert "North" in guide(blind, "--format", "gpx", "--origin", "1,2", code=2)
+
+
+def edit_summary(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    path = folder / "summary.json"
+    summary = json.loads(path.read_text())
+    change(summary)
+    path.write_text(json.dumps(summary))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "cause"),
+    [
+        (("--pace-m", "0"), 2, "pace"),
+        (("--pace-m", "-1"), 2, "pace"),
+        (("--pace-m", "nan"), 2, "pace"),
+        (("--units", "feet"), 2, "metric or steps"),
+        (("--format", "kml"), 2, "geojson"),
+        (("--estimator", "magic"), 2, "smoothed"),
+        (("--estimator", "online"), 3, "no online trajectory, only pdr, ekf, smoothed"),
+        (("--format", "gpx"), 2, "--origin"),
+        (("--format", "geojson"), 2, "--origin"),
+        (("--format", "gpx", "--origin", "north"), 2, "LAT,LON"),
+        (("--format", "gpx", "--origin", "91,0"), 2, "latitude"),
+        (("--format", "gpx", "--origin", "nan,0"), 2, "latitude"),
+        (("--out", "."), 2, "directory"),
+        (("--out", "nowhere/back.txt"), 2, "No such file"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    guide: Guide,
+    run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    code: int,
+    cause: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    told = guide(run, *arguments, code=code)
+    assert cause in told
+    assert told.count("\n") == 1
+
+
+def test_a_folder_without_a_walk_is_bad_data(guide: Guide, run: Path, tmp_path: Path) -> None:
+    assert "not a run folder" in guide(tmp_path, code=3)
+    assert "not a run folder" in guide(tmp_path / "nothing", code=3)
+    broken = tmp_path / "broken"
+    shutil.copytree(run, broken)
+    lines = (broken / "breadcrumbs.csv").read_text().splitlines()
+    for content, cause in ((lines[:3], "1 step(s)"), (lines[:1], "breadcrumbs"), (lines[1:], "header"), ([], "header")):
+        (broken / "breadcrumbs.csv").write_text("\n".join(content) + "\n")
+        assert cause in guide(broken, code=3)
+    (broken / "breadcrumbs.csv").unlink()
+    assert "No such file" in guide(broken, code=3)
+
+
+def test_a_real_walk_out_and_back_is_told_by_its_corridors(shared_data: Path, tmp_path: Path) -> None:
+    file = read_log(shared_data / "ipin2023" / "TrainingTrial22_repetition02.txt.gz")
+    log = replace(file.log, events=(Event(0.0, "before the walk"),))
+    write_run(reconstruct(log, load_config("phone")), tmp_path / "run", recording=False)
+    back = read_way(tmp_path / "run").reversed()
+    turns = [math.degrees(back.turn_rad(i)) for i in range(1, len(back.legs))]
+    assert np.abs(turns) == pytest.approx([90, 90, 90, 180, 90, 90, 90], abs=12)
+    assert instructions(back)[-1] == "You are back at the start, at “before the walk”."
+
+
+# words
+
+
+def test_words_are_those_of_people() -> None:
+    assert [turn_text(math.radians(angle)) for angle in (85.0, -37.0, 141.0, -175.0)] == [
+        "turn left 85°",
+        "bear right 35°",
+        "turn sharp left 140°",
+        "turn around",
+    ]
+    assert [heading_text(math.radians(90.0 - h)) for h in (0.0, 210.0, 359.6, 45.0)] == [
+        "000° N",
+        "210° SW",
+        "000° N",
+        "045° NE",
+    ]
+    assert distance_text(23.3, 0.69) == "23 m (34 steps)"
+    assert distance_text(0.7, 0.69, "steps") == "1 step (0.7 m)"
+
+
+def test_a_climb_is_told_where_it_is() -> None:
+    stairs = np.interp(np.arange(61), (20, 35), (0.0, -6.0))
+    slope = np.interp(np.arange(61), (0, 60), (0.0, 4.0))
+    hill = np.interp(np.arange(61), (0, 30, 60), (0.0, 5.0, 0.0))
+    for z_m, there, back in (
+        (stairs, "6 m down between 15 m and 24 m", "6 m up between 18 m and 27 m"),
+        (slope, "4 m up.", "4 m down."),
+        (hill, "5 m up between 2.1 m and 19 m, 5 m down between 23 m and 40 m", "5 m up between 2.1 m and 19 m"),
+        (0.9 * slope / 4.0, "heading 090° E.", "heading"),
+    ):
+        found = way(trajectory(np.zeros(60), z_m=z_m))
+        if "heading" in there:
+            assert "up" not in instructions(found)[0]
+        else:
+            assert there in instructions(found)[0]
+            assert back in instructions(found.reversed())[0]
+
+
+# turns
+
+
+@pytest.mark.parametrize("route", ROUTE_NAMES)
+def test_turns_of_simulated_walks_are_found_and_no_others(route: str) -> None:
+    for seed in range(200, 204):
+        walk = simulate(load_route(route), seed=seed)
+        smoothed = reconstruct(walk.log, CONFIG).smoothed.trajectory
+        score = score_turns(smoothed, walk.turns.t_s, walk.turns.angle_rad)
+        assert (score.missed, score.phantom) == ((), ())
+        assert score.found == (np.abs(walk.turns.angle_rad) >= math.radians(30)).sum()
+        assert np.abs(np.degrees(score.error_rad)).max(initial=0.0) < 15.0
+
+
+@pytest.mark.parametrize("curve_deg", [40.0, 90.0, -180.0, 360.0])
+@pytest.mark.parametrize("steps", [10, 15, 30])
+def test_a_gradual_curve_is_walked_in_turns(curve_deg: float, steps: int) -> None:
+    yaw = np.concatenate((np.zeros(20), np.linspace(0.0, curve_deg, steps), np.full(20, curve_deg)))
+    found = way(trajectory(yaw + wobbly((0.0, len(yaw)))))
+    turns = [found.turn_rad(i) for i in range(1, len(found.legs))]
+    assert math.degrees(sum(turns)) == pytest.approx(curve_deg, abs=8.0)
+    assert min(np.abs(turns)) >= math.radians(30.0)
+    assert off_path_m(found) < 1.5
+
+
+@pytest.mark.parametrize(
+    ("legs", "sigma_deg"),
+    [
+        ([(0.0, 300)], 2.0),
+        ([(0.0, 300)], 15.0),
+        ([(0.0, 30), (25.0, 30), (5.0, 30)], 3.0),  # bends, not turns
+        ([(0.0, 30), (360.0, 30)], 2.0),  # once around on the spot
+        ([(0.0, 30), (60.0, 1), (0.0, 30)], 2.0),  # a stumble
+    ],
+)
+def test_what_is_no_turn(legs: list[tuple[float, int]], sigma_deg: float) -> None:
+    assert find_turns(trajectory(wobbly(*legs, sigma_deg=sigma_deg))) == []
+
+
+def test_an_unsteady_walk_still_has_its_turns() -> None:
+    turns = find_turns(trajectory(wobbly((0.0, 15), (90.0, 15), (45.0, 15), (-135.0, 15), sigma_deg=8.0)))
+    assert [turn.breadcrumb for turn in turns] == pytest.approx([15, 30, 45], abs=1)
+    assert np.degrees([turn.angle_rad for turn in turns[:2]]) == pytest.approx([90, -45], abs=8)
+
+
+def test_legs_are_as_uncertain_as_they_say() -> None:
+    """Error of a leg between the true corners over its sigma, rms, both axes; across is given as a bound."""
+    ratios = []
+    for seed in range(12):
+        walk = simulate(load_route("square"), seed=seed)
+        found = way(reconstruct(walk.log, CONFIG).smoothed.trajectory, graph=CONFIG.graph)
+        corners = np.column_stack((walk.turns.x_m, walk.turns.y_m))
+        corners = np.vstack(((walk.x_m[0], walk.y_m[0]), corners, (walk.x_m[-1], walk.y_m[-1])))
+        for leg, true in zip(found.legs, np.diff(corners, axis=0), strict=True):
+            assert leg.sigma_along_m is not None
+            assert leg.sigma_across_m is not None
+            error = np.subtract(leg.points_m[-1], leg.points_m[0])[:2] - true
+            across = error @ (-leg.direction[1], leg.direction[0])
+            ratios.append((error @ leg.direction / leg.sigma_along_m, across / leg.sigma_across_m))
+    along, across = np.sqrt(np.mean(np.square(ratios), axis=0))
+    assert 0.7 < along < 1.4
+    assert 0.4 < across < 1.2
+
+
+# the way itself
+
+YAWS = st.lists(st.floats(-400.0, 400.0), min_size=2, max_size=60).map(np.array)
+EVENTS = st.lists(st.tuples(st.floats(-5.0, 40.0), st.text(min_size=1, max_size=3)), max_size=8)
+
+
+@settings(max_examples=150, deadline=None)
+@given(yaw_deg=YAWS, events=EVENTS, data=st.data())
+def test_back_and_back_again_is_the_way_itself(
+    yaw_deg: np.ndarray, events: list[tuple[float, str]], data: st.DataObject
+) -> None:
+    count = len(yaw_deg)
+    step_m = np.array(data.draw(st.lists(st.floats(0.05, 1.2), min_size=count, max_size=count)))
+    z_m = np.array(data.draw(st.lists(st.floats(-8.0, 8.0), min_size=count + 1, max_size=count + 1)))
+    walked = trajectory(yaw_deg, step_m, z_m)
+    there = way(walked, events)
+    back = there.reversed()
+    assert back.reversed() == there
+    assert back != there
+    assert back.points_m == there.points_m[::-1]
+    assert np.array_equal(there.points_m, np.column_stack((walked.xy_m, walked.z_m)))
+    assert there.length_m == back.length_m == pytest.approx(walked.distance_m[-1])
+    assert sorted(mark.label for leg in back.legs for mark in leg.landmarks) == sorted(label for _, label in events)
+    for leg, same in zip(there.legs, reversed(back.legs), strict=True):
+        assert leg.length_m == same.length_m
+        assert leg.rise_m == -same.rise_m
+        for mark in leg.landmarks:
+            assert mark.after_m + mark.before_m == pytest.approx(leg.length_m)
+    assert len(instructions(back)) == len(back.legs) + 1
+
+
+def test_a_left_turn_is_a_right_turn_on_the_way_back_and_directions_are_opposite() -> None:
+    there = way(trajectory(wobbly((0.0, 10), (90.0, 20))))
+    back = there.reversed()
+    assert there.turn_rad(1) == pytest.approx(math.pi / 2, abs=0.1)
+    assert back.turn_rad(1) == pytest.approx(-there.turn_rad(1))
+    assert back.legs[0].yaw_rad == pytest.approx(-math.pi / 2, abs=0.1)
+    assert instructions(there)[0].startswith("Face 0")
+    assert instructions(back)[0].startswith("Turn around: face 18")
+
+
+def test_a_way_needs_steps_and_a_pace() -> None:
+    with pytest.raises(DataError, match="two"):
+        way(trajectory(np.zeros(1)))
+    with pytest.raises(DataError, match="never moves"):
+        way(trajectory(np.zeros(5), step_m=0.0))
+    with pytest.raises(ConfigError, match="pace"):
+        way(trajectory(np.zeros(5)), pace_m=0.0)
