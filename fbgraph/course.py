@@ -23,6 +23,8 @@ other method was run: bisection until the mean RMSE of ``pdr.dead_reckon`` over 
 step length the mean of the true ones, was the paper's 1.129 m (it is 1.128 m; final error 1.81 m, the paper's 1.781).
 The errors: gyroscope bias 0.5 °/s, mount 3°, wearer's step length 4 %, iron of 6 µT, and all of the sensors' noise."""
 _TURN_LABEL_S = 0.5  # a trial is labelled as turning for so long before and after the middle of a corner
+OBSTACLE_M = (2.9, -1.3, 5.1, 1.5)
+"""The central obstacle that B, C and D lead around: least x and y, largest x and y."""
 _SEEDS = 1000  # trials of one seed never share a walk with those of another
 
 

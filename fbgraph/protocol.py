@@ -140,6 +140,11 @@ class StudyResult:
         return [name for name in LABELS if all(name in trial.methods for trial in self.trials)]
 
     @property
+    def drawn(self) -> list[str]:
+        """The methods that figures show: a finished iSAM2 is the smoother again."""
+        return [name for name in self.methods if name != "finished"]
+
+    @property
     def checkpoints(self) -> dict[str, float]:
         """Mean progress at each checkpoint, by name; from the turns where the table names none."""
         named = [trial.trial.checkpoints for trial in self.trials]
