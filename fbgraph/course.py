@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fbgraph.errors import ConfigError
 from fbgraph.gait import Walker
 from fbgraph.routes import load_route
 from fbgraph.simulate import SimulatedWalk, SimulateOptions, simulate
@@ -34,6 +35,8 @@ def simulated_trials(seed: int, count: int = TRIALS) -> Iterator[tuple[str, Simu
     Raises:
         ConfigError: a negative seed.
     """
+    if seed < 0:
+        raise ConfigError(f"the seed must be 0 or more, not {seed}")
     walker = Walker(start_hold_s=_HOLD_S, end_hold_s=_HOLD_S)
     walker = replace(walker, person_sigma=_ERRORS * walker.person_sigma)
     options = SimulateOptions(walker=walker, noise=_ERRORS, anomalies=_ERRORS)

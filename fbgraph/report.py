@@ -130,7 +130,7 @@ def _trial_row(result: StudyResult, index: int, name: str) -> dict[str, float]:
 def headline(result: StudyResult) -> str:
     """The result in a sentence or two; first of all whether it is simulated."""
     overall = result.comparison.overall
-    said = f"SIMULATED trials, no real walk ({result.simulated}). " if result.simulated else ""
+    said = f"SIMULATED, nobody walked ({_how(result)}). " if result.simulated else ""
     best = overall["smoothed"]
     return (
         f"{said}{len(result.trials)} trials: mean RMSE {overall['pdr'].rmse_m:.3f} m by plain PDR, "
@@ -139,8 +139,12 @@ def headline(result: StudyResult) -> str:
     )
 
 
+def _how(result: StudyResult) -> str:
+    return result.simulated.removeprefix("simulated ")
+
+
 def _caption(result: StudyResult) -> str:
-    said = f"Simulated trials ({result.simulated}), not a measurement. " if result.simulated else ""
+    said = f"Simulated trials, not a measurement ({_how(result)}). " if result.simulated else ""
     return f"{said}Overall performance, means over {len(result.trials)} trials."
 
 

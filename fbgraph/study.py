@@ -262,6 +262,8 @@ def study_files(
     from fbgraph.report import write_report  # matplotlib and rerun take two seconds to import
 
     began = time.perf_counter()
+    if source != SIMULATED and Path(source).resolve().is_relative_to(out.resolve()):
+        raise ConfigError(f"--out {out}: would replace the data set {source}; name another folder")
     with study_folder(out) as folder:
         if source == SIMULATED:
             from fbgraph.course import TRIALS, simulated_trials, write_trial
@@ -287,7 +289,8 @@ def study_folder(out: Path) -> Iterator[Path]:
     Raises:
         ConfigError: ``out`` holds anything but an earlier study, or its parent cannot be written.
     """
-    if out.exists() and (not out.is_dir() or {entry.name for entry in out.iterdir()} - _FILES):
+    names = {entry.name for entry in out.iterdir()} if out.is_dir() else set()
+    if out.exists() and (not out.is_dir() or names - _FILES or (names and "report.html" not in names)):
         raise ConfigError(f"--out {out}: exists and is not a study folder; name another, or remove it")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -80,7 +80,12 @@ def _blueprint(result: StudyResult, figures: list[str]) -> rrb.Blueprint:
     rmse = rrb.TimeSeriesView(name=f"RMSE of each trial [m]{said}", origin="/rmse_m", plot_legend=rrb.Corner2D.RightTop)
     return rrb.Blueprint(
         rrb.Tabs(
-            rrb.Horizontal(rrb.TextDocumentView(name="Summary", origin="/summary"), rmse, name=f"Results{said}"),
+            rrb.Horizontal(
+                rrb.TextDocumentView(name="Summary", origin="/summary"),
+                rmse,
+                column_shares=[5, 3],
+                name=f"Results{said}",
+            ),
             rrb.Grid(*maps, name="All trajectories"),
             rrb.Tabs(*pictures, name="Figures"),
         ),
