@@ -126,6 +126,7 @@ def _scene(panel: Any, result: StudyResult, trial: TrialResult) -> None:
             zorder=9,
             path_effects=[withStroke(linewidth=2.5, foreground="white")],
         )
+    panel.use_sticky_edges = False
     panel.margins(0.12)
     panel.set_aspect("equal", adjustable="box")
     panel.set_xlabel("x, East (m)")
@@ -135,7 +136,7 @@ def _scene(panel: Any, result: StudyResult, trial: TrialResult) -> None:
 def _trajectory(result: StudyResult) -> tuple[Figure, str]:
     trial = representative(result)
     methods = result.drawn
-    figure, panels = _grid(len(methods), 2.1, sharex=True, sharey=True)
+    figure, panels = _grid(len(methods), 2.35, sharex=True, sharey=True)
     worst = max(trial.methods[name].max_m for name in methods)
     scale = Normalize(0.0, worst)
     for panel, name in zip(panels, methods, strict=True):
@@ -147,7 +148,8 @@ def _trajectory(result: StudyResult) -> tuple[Figure, str]:
         colored.set_array(method.error_m[1:])
         panel.add_collection(colored)
         panel.plot(*method.xy_m[-1], marker=_STYLES[name][1], ms=8, color=_color(name), mec="black", zorder=8)
-        panel.set_title(f"{LABELS[name]}: RMSE {method.rmse_m:.2f}, final {method.final_m:.2f} m")
+        panel.autoscale_view()
+        panel.set_title(f"{LABELS[name]}\nRMSE {method.rmse_m:.2f} m, final {method.final_m:.2f} m")
     for panel in panels:
         panel.label_outer()
     bar = figure.colorbar(panels[0].collections[1], ax=panels, shrink=0.8, pad=0.02)

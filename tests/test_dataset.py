@@ -75,6 +75,14 @@ def camel_case(table: pd.DataFrame) -> pd.DataFrame:
     return out[out.columns[::-1]]
 
 
+def test_the_preset_is_the_wearables_with_a_layout() -> None:
+    wearable = load_config("m5stickc")
+    assert load_config("forestback").model_copy(update={"dataset": wearable.dataset}) == wearable
+    assert all(aliases for _, aliases in LAYOUT.columns)
+    with pytest.raises(ConfigError, match=r"dataset\.columns\.acc_w"):
+        load_config("forestback", ["dataset.columns.acc_w=a"])
+
+
 @pytest.mark.parametrize("style", [with_units, without_units, camel_case])
 def test_columns_are_found_under_other_names_and_units(
     folder: Path, table: pd.DataFrame, tmp_path: Path, style: Callable[[pd.DataFrame], pd.DataFrame]

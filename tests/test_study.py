@@ -126,6 +126,22 @@ def test_what_the_authors_logged_is_scored_and_a_trial_without_steps_is_named(fe
     assert not (out / "trials").exists()
 
 
+def test_a_map_whose_north_is_another_is_noticed(few: Path, tmp_path: Path) -> None:
+    for k in (1, 2):
+        table = pd.read_csv(few / f"trial_{k}.csv")
+        east = table.assign(
+            gt_x_m=table["gt_y_m"], gt_y_m=-table["gt_x_m"], gt_heading_rad=table["gt_heading_rad"] - np.pi / 2
+        )
+        east.drop(columns=["pdr_x", "fb_x"]).to_csv(tmp_path / f"{k}.csv", index=False)
+    (notice,) = [n for n in run_study(read_dataset(tmp_path, CONFIG.dataset), CONFIG).notices if "map_yaw_deg" in n]
+    found_deg = float(notice.split("map_yaw_deg=")[1].split(",")[0])
+    assert found_deg == pytest.approx(90.0, abs=15.0)
+    turned = load_config("forestback", [f"dataset.map_yaw_deg={found_deg}"])
+    result = run_study(read_dataset(tmp_path, turned.dataset), turned)
+    assert not any("map_yaw_deg" in n for n in result.notices)
+    assert result.comparison.overall["smoothed"].rmse_m < 2.0
+
+
 def test_bad_requests_end_in_one_line(
     few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
