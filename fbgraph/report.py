@@ -67,7 +67,8 @@ def write_report(
     (folder / "table.tex").write_text(table_latex(result), "utf-8")
     _write_table_csv(result, folder / "table.csv")
     _write_trials_csv(result, folder / "trials.csv")
-    (folder / "config.toml").write_text(dump_toml(result.config), "utf-8")
+    remark = f"# {result.simulated}\n" if result.simulated else ""
+    (folder / "config.toml").write_text(remark + dump_toml(result.config), "utf-8")
     (folder / "summary.json").write_text(json.dumps(summary(result), indent=2, allow_nan=False) + "\n", "utf-8")
     progress("recording", 0.0)
     images = {name: png for name, (png, _) in pictures.items()}

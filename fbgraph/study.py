@@ -7,8 +7,6 @@ which nothing here fits. No estimator sees ground truth, labels or the end of th
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,6 +21,7 @@ from fbgraph.config import Config
 from fbgraph.dataset import Dataset, read_dataset
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError, DataError, FbgraphError
+from fbgraph.exports import whole_folder
 from fbgraph.geometry import FloatArray
 from fbgraph.online import OnlineSmoother
 from fbgraph.pdr import dead_reckon
@@ -292,16 +291,5 @@ def study_folder(out: Path) -> Iterator[Path]:
     names = {entry.name for entry in out.iterdir()} if out.is_dir() else set()
     if out.exists() and (not out.is_dir() or names - _FILES or (names and "report.html" not in names)):
         raise ConfigError(f"--out {out}: exists and is not a study folder; name another, or remove it")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-    except OSError as error:
-        raise ConfigError(f"--out {out}: cannot write there: {error.strerror}") from error
-    try:
-        partial.chmod(0o755)
-        yield partial
-        if out.exists():
-            shutil.rmtree(out)
-        partial.rename(out)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    with whole_folder(out) as folder:
+        yield folder

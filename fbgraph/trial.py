@@ -33,6 +33,7 @@ _ANGLES = {"deg": np.pi / 180.0, "degrees": np.pi / 180.0, "rad": 1.0, "radians"
 _CURRENTS = {"ma": 1.0, "a": 1000.0}
 _NOTHING = {"", "0", "0.0", "none", "no", "false", "nan", "-", "n", "straight", "walk", "walking", "forward"}
 _SIDES = ((r"^l|left", 1.0), (r"^r|right", -1.0))
+_MOST_STEPS_HZ = 4.0
 _HEADING_S = 0.25  # walking direction by the ground truth: from so long before to so long after
 _STANDING_M = 0.02  # who moved less meanwhile has none
 
@@ -180,6 +181,9 @@ def read_trial(table: Table, config: DatasetConfig) -> Trial:
     step_s, turns = None, None
     if "step" in found:
         step_s = t_s[there][_step_rows(numbers("step")[there])]
+        if len(step_s) > _MOST_STEPS_HZ * float(np.ptp(t_s[there])):
+            notices.append(f"{names[found['step'][0]]} marks {len(step_s)} rows, more than steps can be: not used")
+            step_s = None
     if "turn" in found:
         turns = _turns(frame.iloc[:, found["turn"][0]][there], t_s[there], truth)
     passed: list[tuple[int, str]] = []

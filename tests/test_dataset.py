@@ -132,6 +132,13 @@ def test_a_table_without_times_has_rows_at_the_data_sets_rate(table: pd.DataFram
     assert any("no time column" in notice for notice in trial.log.notices)
 
 
+def test_a_row_count_is_not_taken_for_steps(table: pd.DataFrame, tmp_path: Path) -> None:
+    table.assign(step=np.arange(len(table))).to_csv(tmp_path / "x.csv", index=False)
+    trial = only(tmp_path / "x.csv")
+    assert trial.step_s is None
+    assert any("more than steps can be" in notice for notice in trial.log.notices)
+
+
 def test_a_mapping_file_names_columns_that_no_alias_covers(table: pd.DataFrame, tmp_path: Path) -> None:
     renamed = table.rename(columns={"gyro_z_rads": "Turn rate", "gt_x_m": "path easting"})
     renamed.assign(**{"Turn rate": np.degrees(table["gyro_z_rads"])}).drop(
