@@ -5,10 +5,10 @@ the ground truth's first place, checkpoint A, and is neither turned nor scaled. 
 
 The paper does not say how it detects turns. ``guidance.find_turns`` looks at whole steps, too coarse for corners three
 steps apart. Here a turn is where the heading, at the gyroscope's rate and with the method's corrections, changes by
-``MIN_TURN_RAD`` (a little over half the course's slightest corner) or more within ``TURN_S``, about two steps; it agrees
-with a label of the same side at most ``MATCH_S`` away. The paper's consistency of 99.90 % cannot be of events (36 trials
-have 108 labels) and is probably of samples, nearly all of which have no turn; here it is the share of events that
-agree: matched / (matched + missed + false).
+``MIN_TURN_RAD`` (a little over half the course's slightest corner) or more within ``TURN_S``, about two steps; it
+agrees with a label of the same side at most ``MATCH_S`` away. The paper's consistency of 99.90 % cannot be of events
+(36 trials have 108 labels) and is probably of samples, nearly all of which have no turn; here it is the share of events
+that agree: matched / (matched + missed + false).
 """
 
 from __future__ import annotations
