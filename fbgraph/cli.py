@@ -479,6 +479,78 @@ def formats(as_json: JsonOption = False) -> None:
 
 
 @app.command()
+def study(
+    dataset: Annotated[
+        str,
+        typer.Argument(
+            metavar="DATASET|simulated",
+            help="A CSV a trial, a folder or a zip of them; or simulated.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Study folder; studies/<name> if absent.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of simulated trials; 1 if absent.", show_default=False)] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="The first so many trials; all, or 36.")] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The columns' names: [dataset.columns], as in configs/forestback.toml."),
+    ] = None,
+    config: ConfigOption = None,
+    set_: SetOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Reproduce the ForestBack paper's evaluation, and ours beside it: tables, figures, report."""
+    import shlex
+
+    from fbgraph.config import load_config, load_mapping, parse_config
+    from fbgraph.study import SIMULATED, study_files
+
+    simulated = dataset == SIMULATED
+    if seed is not None and not simulated:
+        raise ConfigError("--seed is for simulated trials; a data set has none")
+    effective = load_config(config or "forestback", set_ or ())
+    if effective.dataset.columns == parse_config({}, "").dataset.columns:  # a configuration that says nothing of them
+        columns = load_config("forestback").dataset.columns
+        effective = effective.model_copy(update={"dataset": effective.dataset.model_copy(update={"columns": columns})})
+    if mapping is not None:
+        effective = effective.model_copy(update={"dataset": load_mapping(mapping, effective.dataset)})
+    seed = 1 if seed is None else seed
+    folder = out or Path("studies") / (f"simulated-{seed}" if simulated else Path(dataset).name.partition(".")[0])
+    with _study_progress() as progress:
+        result = study_files(dataset, folder, effective, seed, trials, shlex.join(["fbgraph", *sys.argv[1:]]), progress)
+    from fbgraph.report import headline, summary, table  # heavy, and by now imported
+
+    if as_json:
+        print(json.dumps({"out": str(folder), **summary(result)}, indent=2))
+        return
+    print(headline(result))
+    head, *rows = table(result)
+    _print_table(head, rows)
+    for name, reason in result.skipped:
+        print(f"not used: {name}: {reason}")
+    for text in result.notices:
+        print(f"note: {text}")
+    print(f"written to {folder}")
+
+
+@contextmanager
+def _study_progress() -> Iterator[Callable[[str, float], None]]:
+    """A bar for each stage on a terminal, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda stage, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:10}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda stage, share: bar.update(task, description=stage, completed=share)
+
+
+@app.command()
 def config(config: ConfigOption = None, set_: SetOption = None, as_json: JsonOption = False) -> None:
     """Print the effective configuration as TOML."""
     from fbgraph.config import dump_toml, load_config
@@ -545,7 +617,7 @@ def _print_table(heads: list[str], rows: list[list[str]]) -> None:
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in heads:
-        table.add_column(head, justify="left" if head in ("estimator", "scored") else "right", no_wrap=True)
+        table.add_column(head, justify="left" if head in ("estimator", "scored", "Metric") else "right", no_wrap=True)
     for row in rows:
         table.add_row(*row)
     # a pipe has no width of its own: give it all the table needs

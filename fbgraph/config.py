@@ -11,15 +11,17 @@ from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from fbgraph.errors import ConfigError
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
+"""One name or a list of them."""
 
 
 class Section(BaseModel):
@@ -188,6 +190,65 @@ class OnlineConfig(Section):
     """Changes below this (rad, m) are not passed on to older breadcrumbs until somebody asks for them."""
 
 
+class ColumnsConfig(Section):
+    """What the columns of a trial's table may be called; upper case, signs and a unit at the end do not matter.
+
+    ``configs/forestback.toml`` names them all and says what each is.
+    """
+
+    time: Names = ()
+    trial: Names = ()
+    acc_x: Names = ()
+    acc_y: Names = ()
+    acc_z: Names = ()
+    gyro_x: Names = ()
+    gyro_y: Names = ()
+    gyro_z: Names = ()
+    mag_x: Names = ()
+    mag_y: Names = ()
+    mag_z: Names = ()
+    pressure: Names = ()
+    altitude: Names = ()
+    step: Names = ()
+    turn: Names = ()
+    checkpoint: Names = ()
+    truth_x: Names = ()
+    truth_y: Names = ()
+    truth_heading: Names = ()
+    pdr_x: Names = ()
+    pdr_y: Names = ()
+    pdr_heading: Names = ()
+    pdr_error: Names = ()
+    forestback_x: Names = ()
+    forestback_y: Names = ()
+    forestback_heading: Names = ()
+    forestback_error: Names = ()
+    current: Names = ()
+
+
+class UnitsConfig(Section):
+    """Units that the columns' own names do not tell; "" leaves them to be judged by magnitude."""
+
+    time: Literal["", "s", "ms", "us", "ns"] = ""
+    acc: Literal["", "g", "mg", "ms2"] = ""
+    gyro: Literal["", "dps", "rads"] = ""
+    mag: Literal["", "ut", "nt", "mgauss", "gauss"] = ""
+    pressure: Literal["", "hpa", "pa", "kpa"] = ""
+    heading: Literal["", "deg", "rad"] = ""
+    current: Literal["", "ma", "a"] = ""
+
+
+class DatasetConfig(Section):
+    """The layout of a data set of trials (``fbgraph study``)."""
+
+    columns: ColumnsConfig = ColumnsConfig()
+    units: UnitsConfig = UnitsConfig()
+    rate_hz: Positive = 100.0
+    """Rows a second, of tables without a time column."""
+    map_yaw_deg: float = 0.0
+    """How far the ground truth's x axis is turned from magnetic East, counter-clockwise."""
+
+
 class Config(Section):
     """The whole configuration."""
 
@@ -199,6 +260,7 @@ class Config(Section):
     graph: GraphConfig = GraphConfig()
     solver: SolverConfig = SolverConfig()
     online: OnlineConfig = OnlineConfig()
+    dataset: DatasetConfig = DatasetConfig()
 
 
 def preset_folder() -> Traversable:
@@ -231,6 +293,37 @@ def load_config(source: str | None = None, overrides: Iterable[str] = ()) -> Con
             raise ConfigError(f"--set {override!r}: expected key=value, for example --set steps.lambda_sigma=0.5")
         _put(values, path.strip(), _parse_value(text.strip()))
     return parse_config(values, source or "--set")
+
+
+def load_mapping(path: Path, dataset: DatasetConfig) -> DatasetConfig:
+    """A data set's layout with what a mapping file says otherwise; columns that the file does not name stay.
+
+    Args:
+        path: TOML with ``[dataset.columns]``, ``[dataset.units]`` and ``[dataset]``, as in ``configs/forestback.toml``.
+        dataset: the layout to start from.
+
+    Raises:
+        ConfigError: unreadable, not TOML, no or another table than ``[dataset]``, an unknown key, an invalid value.
+    """
+    try:
+        values = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"--mapping {path}: not a readable file") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"--mapping {path}: not TOML: {error}") from error
+    if other := sorted(values.keys() - {"dataset"}):
+        raise ConfigError(
+            f"--mapping {path}: unknown key {other[0]!r}; only [dataset] tables here, all else in --config"
+        )
+    given = parse_config(values, f"--mapping {path}").dataset
+    if not given.model_fields_set:
+        raise ConfigError(f"--mapping {path}: says nothing; it needs [dataset.columns], see configs/forestback.toml")
+    tables = {
+        name: getattr(dataset, name).model_copy(update=getattr(given, name).model_dump(exclude_unset=True))
+        for name in ("columns", "units")
+    }
+    plain = {name: getattr(given, name) for name in given.model_fields_set - tables.keys()}
+    return dataset.model_copy(update=tables | plain)
 
 
 def parse_config(values: Mapping[str, Any], source: str) -> Config:

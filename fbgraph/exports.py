@@ -42,6 +42,17 @@ def run_folder(out: Path) -> Iterator[Path]:
         ConfigError: ``out`` is a file or a folder that is not a run, or its parent cannot be written.
     """
     check_run_folder(out)
+    with whole_folder(out) as folder:
+        yield folder
+
+
+@contextmanager
+def whole_folder(out: Path) -> Iterator[Path]:
+    """A folder to write into that replaces ``out`` when the block ends well, and vanishes when it does not.
+
+    Raises:
+        ConfigError: its parent cannot be written.
+    """
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))

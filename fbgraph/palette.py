@@ -13,6 +13,8 @@ COLORS: dict[str, Color] = {
     "ekf": (86, 180, 233),  # sky blue
     "smoothed": (0, 158, 115),  # bluish green
     "online": (204, 121, 167),  # reddish purple
+    "logged_pdr": (213, 94, 0),  # vermilion, never in one picture with a sensor
+    "logged_forestback": (0, 114, 178),  # blue
     "truth": (153, 153, 153),  # grey
     "anchor": (240, 228, 66),  # yellow, never in one picture with steps
     "step": (240, 228, 66),

@@ -29,7 +29,7 @@ CANONICAL = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa,te
 
 _G = 9.80665
 _DEG = float(np.pi / 180.0)
-_UNITS: dict[str, dict[str, float]] = {  # to SI; time to nanoseconds
+UNITS: dict[str, dict[str, float]] = {  # to SI; time to nanoseconds; as plain names without "_"
     "acc": {"g": _G, "mg": _G / 1000.0, "ms2": 1.0, "mss": 1.0, "mps2": 1.0},
     "gyro": {"dps": _DEG, "degs": _DEG, "degsec": _DEG, "mdps": _DEG / 1000.0, "rads": 1.0, "radsec": 1.0},
     "mag": {"ut": 1.0, "nt": 1e-3, "mg": 0.1, "mgauss": 0.1, "gauss": 100.0},
@@ -45,7 +45,7 @@ _NAMES = {
         "gyro": r"(?:g|gy|gyr|gyro|gyroscope)_?(?P<axis>[xyz])(?:_(?P<unit>\w+))?",
         "mag": r"(?:m|mag(?:n|net|netic|netometer)?)_?(?P<axis>[xyz])(?:_(?P<unit>\w+))?",
         "pressure": r"(?:p|pres|press|pressure|baro|barometer|bmp280|qmp6988)(?:_(?P<unit>\w+))?",
-        "time": rf"(?:time_?(?:stamp)?|ts|t|elapsed|uptime|epoch)?_?(?P<unit>{'|'.join(_UNITS['time'])})?",
+        "time": rf"(?:time_?(?:stamp)?|ts|t|elapsed|uptime|epoch)?_?(?P<unit>{'|'.join(UNITS['time'])})?",
         "counter": r"n|i|idx|index|iterator|count|counter|seq|sample(?:_?(?:id|no))?",
         "event": r"event|button|btn|mark|marker",
     }.items()
@@ -116,15 +116,14 @@ class Columns:
         found: dict[str, dict[str, int]] = {}
         scale: dict[str, float] = {}
         for i, name in enumerate(names):
-            plain = name.lower().replace("µ", "u").replace("²", "2").replace("°", "deg")
-            plain = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
+            plain = plain_name(name)
             for quantity, pattern in _NAMES.items():
                 match = pattern.fullmatch(plain) if plain else None
                 unit = (match.groupdict().get("unit") or "raw").replace("_", "") if match else ""
-                if match and (unit == "raw" or unit in _UNITS[quantity]):
+                if match and (unit == "raw" or unit in UNITS[quantity]):
                     found.setdefault(quantity, {}).setdefault(match.groupdict().get("axis") or "", i)
                     if unit != "raw":
-                        scale.setdefault(quantity, _UNITS[quantity][unit])
+                        scale.setdefault(quantity, UNITS[quantity][unit])
                     break
         where = {
             quantity: tuple(axes[axis] for axis in sorted(axes))
@@ -233,7 +232,7 @@ class Columns:
                 factor, unit = 50.0 / max(middle["mag"], 1e-9), "raw counts, scaled to a median of 50 µT"
             assume("mag", f"median norm {middle['mag']:.3g}", factor, f"taken as {unit}")
         if "pressure" in middle and "pressure" not in scale:
-            units = {unit: _UNITS["pressure"][unit.lower()] for unit in ("hPa", "Pa", "kPa")}
+            units = {unit: UNITS["pressure"][unit.lower()] for unit in ("hPa", "Pa", "kPa")}
             fits = [unit for unit, factor in units.items() if 300.0 < middle["pressure"] * factor < 1200.0]
             verdict = f"taken as {fits[0]}" if fits else "which is no air pressure: not used"
             assume("pressure", f"median {middle['pressure']:.6g}", units[fits[0]] if fits else None, verdict)
@@ -326,6 +325,12 @@ class Columns:
             t.append(t_row)
             numbers.append(row)
         return np.array(good, dtype=np.int64), np.array(t), np.array(numbers).reshape(-1, len(self._fields)), texts
+
+
+def plain_name(name: str) -> str:
+    """A column's name in small letters and digits, joined by ``_``: ``Acc X (m/s²)`` is ``acc_x_m_s2``."""
+    plain = name.lower().replace("µ", "u").replace("μ", "u").replace("²", "2").replace("°", "deg")
+    return re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
 
 
 def _number(text: str) -> float:

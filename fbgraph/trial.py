@@ -1,0 +1,310 @@
+"""One trial of a data set: its table of sensors, ground truth, labels and the authors' outputs.
+
+Names and units of the columns come from ``DatasetConfig``; what is left open is judged by magnitude, and times, gaps
+and bad values are cleaned as in any log (``readers.columns``, ``readers.base``).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fbgraph.config import ColumnsConfig, DatasetConfig
+from fbgraph.errors import DataError
+from fbgraph.geometry import BoolArray, FloatArray
+from fbgraph.log import SensorLog
+from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, assemble, to_ns
+from fbgraph.readers.columns import UNITS, Columns, Rows, plain_name
+from fbgraph.readers.m5stickc import drop_repeats
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FORMAT = "forestback"
+LOGGED = ("pdr", "forestback")
+"""The authors' methods whose output a table may hold."""
+_NEEDED = (*(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in "xyz"), "truth_x", "truth_y")
+_METRES = {"m": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001}
+_ANGLES = {"deg": np.pi / 180.0, "degrees": np.pi / 180.0, "rad": 1.0, "radians": 1.0}
+_CURRENTS = {"ma": 1.0, "a": 1000.0}
+_NOTHING = {"", "0", "0.0", "none", "no", "false", "nan", "-", "n", "straight", "walk", "walking", "forward"}
+_SIDES = ((r"^l|left", 1.0), (r"^r|right", -1.0))
+_MOST_STEPS_HZ = 4.0
+_HEADING_S = 0.25  # walking direction by the ground truth: from so long before to so long after
+_STANDING_M = 0.02  # who moved less meanwhile has none
+
+
+@dataclass(frozen=True)
+class Path2D:
+    """Where somebody was: ``t_s`` (N,) increasing, on the log's clock; ``x_m``, ``y_m``, ``heading_rad`` (N,).
+
+    ``heading_rad`` is counter-clockwise from East and unwrapped; all nan where unknown.
+    """
+
+    t_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+
+    @property
+    def xy_m(self) -> FloatArray:
+        """(N, 2)."""
+        return np.column_stack((self.x_m, self.y_m))
+
+    @property
+    def distance_m(self) -> FloatArray:
+        """(N,) walked up to each sample."""
+        return np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(self.x_m), np.diff(self.y_m)))))
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Labelled turns: ``t_s`` (T,) their middles, ``side`` (T,) 1 left, -1 right, 0 not said."""
+
+    t_s: FloatArray
+    side: FloatArray
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial. Only ``log`` may be shown to an estimator.
+
+    Attributes:
+        log: what the sensors said.
+        truth: where the person was.
+        step_s: (S,) times of the labelled steps; None without such a column.
+        turns: labelled turns; None without such a column.
+        checkpoint_s, checkpoints: when each checkpoint was passed, and their names; empty without such a column.
+        logged: the authors' own output, by ``LOGGED``, those that the table holds.
+        logged_error_m: (N,) the error columns beside them.
+        current_ma: (N,) what the device drew; empty if not logged.
+        rows: of the table.
+    """
+
+    name: str
+    log: SensorLog
+    truth: Path2D
+    step_s: FloatArray | None
+    turns: Turns | None
+    checkpoint_s: FloatArray
+    checkpoints: tuple[str, ...]
+    logged: dict[str, Path2D] = field(default_factory=dict)
+    logged_error_m: dict[str, FloatArray] = field(default_factory=dict)
+    current_ma: FloatArray = field(default_factory=lambda: np.empty(0))
+    rows: int = 0
+
+
+@dataclass(frozen=True)
+class Table:
+    """A trial's table as found: ``remark`` is what stood in ``#`` lines before its header."""
+
+    name: str
+    frame: pd.DataFrame
+    remark: str
+
+
+def _units_of(quantity: str) -> dict[str, float]:
+    """By what to multiply, for every unit that a column's name may end in."""
+    sensor = quantity.removesuffix("_x").removesuffix("_y").removesuffix("_z")
+    if sensor in UNITS:
+        return UNITS[sensor]
+    if quantity.endswith("heading"):
+        return _ANGLES
+    if quantity == "current":
+        return _CURRENTS
+    return {} if quantity in ("trial", "step", "turn", "checkpoint") else _METRES
+
+
+def find_columns(names: list[str], columns: ColumnsConfig) -> dict[str, tuple[int, str]]:
+    """Column and unit ("" if its name tells none) of every quantity that is there."""
+    plain = {plain_name(name).replace("_", ""): i for i, name in reversed(list(enumerate(names)))}
+    found: dict[str, tuple[int, str]] = {}
+    for quantity, aliases in columns:
+        endings = ["", *_units_of(quantity)]
+        for alias in aliases:
+            wanted = plain_name(alias).replace("_", "")
+            ending = next((ending for ending in endings if wanted + ending in plain), None)
+            if ending is not None:
+                found[quantity] = (plain[wanted + ending], ending)
+                break
+    return found
+
+
+def read_trial(table: Table, config: DatasetConfig) -> Trial:
+    """A table as a trial.
+
+    Raises:
+        DataError: columns are missing, or its sensors cannot have recorded a walk.
+    """
+    names, frame = list(table.frame.columns), table.frame
+    found = find_columns(names, config.columns)
+    if missing := [quantity for quantity in _NEEDED if quantity not in found]:
+        raise DataError(
+            f"{table.name}: no column for {', '.join(missing)}; found {', '.join(names)}. "
+            f'Name them in a file for --mapping: [dataset.columns] {missing[0]} = "..."'
+        )
+
+    def numbers(quantity: str) -> FloatArray:
+        import pandas as pd
+
+        column = pd.to_numeric(frame.iloc[:, found[quantity][0]], errors="coerce")
+        return np.asarray(column.to_numpy(dtype=float))
+
+    log, t_s, notices = _log(table, found, numbers, config)
+    there = np.isfinite(t_s)
+    there[there] &= np.diff(np.maximum.accumulate(t_s[there]), prepend=-np.inf) > 0
+    there &= np.isfinite(numbers("truth_x")) & np.isfinite(numbers("truth_y"))
+    if there.sum() < 2:
+        raise DataError(f"{table.name}: its ground truth holds no two places")
+
+    def path(prefix: str) -> Path2D:
+        x, y = (numbers(f"{prefix}_{axis}") * _METRES.get(found[f"{prefix}_{axis}"][1], 1.0) for axis in "xy")
+        heading = np.full(len(frame), np.nan)
+        if f"{prefix}_heading" in found:
+            heading = _radians(numbers(f"{prefix}_heading"), found[f"{prefix}_heading"][1] or config.units.heading)
+        known = there & np.isfinite(x) & np.isfinite(y)
+        turn = np.radians(config.map_yaw_deg)
+        place = (x[known] + 1j * y[known]) * np.exp(1j * turn)
+        heading = heading[known] + turn
+        heading = np.unwrap(heading) if np.isfinite(heading).all() else np.full(len(heading), np.nan)
+        return Path2D(t_s[known], place.real, place.imag, heading)
+
+    truth = path("truth")
+    if not np.isfinite(truth.heading_rad).all():
+        truth = replace(truth, heading_rad=walking_direction(truth))
+    logged = {method: path(method) for method in LOGGED if f"{method}_x" in found and f"{method}_y" in found}
+    logged = {method: track for method, track in logged.items() if len(track.t_s) > 1}
+    step_s, turns = None, None
+    if "step" in found:
+        step_s = t_s[there][_step_rows(numbers("step")[there])]
+        if len(step_s) > _MOST_STEPS_HZ * float(np.ptp(t_s[there])):
+            notices.append(f"{names[found['step'][0]]} marks {len(step_s)} rows, more than steps can be: not used")
+            step_s = None
+    if "turn" in found:
+        turns = _turns(frame.iloc[:, found["turn"][0]][there], t_s[there], truth)
+    passed: list[tuple[int, str]] = []
+    if "checkpoint" in found:
+        passed = [(start, label) for start, _, label in _runs(frame.iloc[:, found["checkpoint"][0]][there])]
+    current = np.empty(0)
+    if "current" in found:
+        current = numbers("current")
+        current = current[np.isfinite(current)]
+        unit = found["current"][1] or config.units.current
+        if len(current):
+            current = current * (_CURRENTS[unit] if unit else 1.0 if np.median(current) > 2.0 else 1000.0)
+    return Trial(
+        name=table.name,
+        log=replace(log, name=table.name, notices=(*log.notices, *notices)),
+        truth=truth,
+        step_s=step_s,
+        turns=turns,
+        checkpoint_s=t_s[there][[row for row, _ in passed]],
+        checkpoints=tuple(label for _, label in passed),
+        logged=logged,
+        logged_error_m={m: numbers(f"{m}_error")[there] for m in logged if f"{m}_error" in found},
+        current_ma=current,
+        rows=len(frame),
+    )
+
+
+def _log(
+    table: Table, found: dict[str, tuple[int, str]], numbers: Any, config: DatasetConfig
+) -> tuple[SensorLog, FloatArray, list[str]]:
+    """The sensors as a cleaned log, the time of every row on its clock (nan if impossible), and what was assumed."""
+    count, notices = len(table.frame), []
+    sensors = [s for s in ("acc", "gyro", "mag") if all(f"{s}_{axis}" in found for axis in "xyz")]
+    where = {s: tuple(found[f"{s}_{axis}"][0] for axis in "xyz") for s in sensors}
+    values = {s: np.column_stack([numbers(f"{s}_{axis}") for axis in "xyz"]) for s in sensors}
+    units = {s: found[f"{s}_x"][1] for s in sensors}
+    if "pressure" in found:
+        where["pressure"], units["pressure"] = (found["pressure"][0],), found["pressure"][1]
+        values["pressure"] = numbers("pressure")[:, None]
+    elif "altitude" in found:
+        altitude_m = numbers("altitude") * _METRES.get(found["altitude"][1], 1.0)
+        # the standard atmosphere of ``attitude.pressure_altitude_m``, backwards
+        where["pressure"], units["pressure"] = (found["altitude"][0],), "hpa"
+        values["pressure"] = 1013.25 * (1.0 - altitude_m[:, None] / 44330.77) ** (1.0 / 0.190263)
+    scale = {}
+    if "time" in found:
+        where["time"], units["time"] = (found["time"][0],), found["time"][1]
+        t = numbers("time")
+    else:
+        scale["time"], t = 1e9 / config.rate_hz, np.arange(count, dtype=float)
+        notices.append(f"no time column: {config.rate_hz:g} rows a second")
+    for quantity, unit in units.items():
+        known = unit or getattr(config.units, quantity)
+        if known:
+            scale[quantity] = UNITS[quantity][known]
+    columns = Columns(tuple(map(str, table.frame.columns)), where, scale)
+    rows = Rows(t, values, [])
+    try:
+        columns, assumed = columns.settled(replace(rows, t=t[np.isfinite(t)]))
+    except DataError as error:
+        raise DataError(f"{table.name}: {error}") from error
+    clean = columns.convert(rows)
+    raw = RawLog(notices=assumed, counts=dict(clean.counts))
+    row_ns = np.asarray(clean.t, dtype=np.int64)
+    readings: FloatArray
+    for sensor, readings in clean.values.items():  # noqa: PD011
+        seen = ~np.isnan(readings).all(axis=1)
+        if seen.any():
+            stream = RawStream(row_ns[seen], readings[seen])
+            raw.streams[sensor] = drop_repeats(stream) if sensor in ("mag", "pressure") else stream
+    log = assemble(raw, Path(table.name), FORMAT).log
+    t_ns = to_ns(t, int(columns.scale["time"]))
+    t_s = np.where(t_ns <= MAX_T_NS, (t_ns - round(log.t0_s * 1e9)) / 1e9, np.nan)
+    return log, t_s, notices
+
+
+def _radians(angle: FloatArray, unit: str) -> FloatArray:
+    if not unit:
+        unit = "deg" if np.nanmax(np.abs(angle), initial=0.0) > 2.5 * np.pi else "rad"
+    return angle * _ANGLES[unit]
+
+
+def walking_direction(path: Path2D) -> FloatArray:
+    """(N,) by the places just before and after, unwrapped; who stands faces the way of the nearest movement."""
+    before_s, after_s = path.t_s - _HEADING_S, path.t_s + _HEADING_S
+    dx, dy = (np.interp(after_s, path.t_s, p) - np.interp(before_s, path.t_s, p) for p in (path.x_m, path.y_m))
+    moving = np.flatnonzero(np.hypot(dx, dy) > _STANDING_M)
+    if len(moving) == 0:
+        return np.zeros(len(path.t_s))
+    heading = np.unwrap(np.arctan2(dy[moving], dx[moving]))
+    after = np.clip(np.searchsorted(moving, np.arange(len(dx))), 0, len(moving) - 1)
+    return np.asarray(heading[after])
+
+
+def _runs(column: pd.Series) -> list[tuple[int, int, str]]:
+    """First row, row after the last, and label of every run of equal labels that mean something."""
+    labels = ["" if label != label else str(label).strip() for label in column.tolist()]  # nan is not itself
+    labels = [label.removesuffix(".0") for label in labels]
+    starts = [i for i in range(len(labels)) if i == 0 or labels[i] != labels[i - 1]]
+    return [
+        (start, end, labels[start])
+        for start, end in zip(starts, [*starts[1:], len(labels)], strict=True)
+        if labels[start].lower() not in _NOTHING
+    ]
+
+
+def _step_rows(values: FloatArray) -> BoolArray:
+    """Where a step is: a mark, or a count that goes up."""
+    values = np.nan_to_num(values)
+    rises = np.diff(values, prepend=values[:1]) > 0
+    counted = values.max(initial=0.0) > 1.0 and (np.diff(values) >= 0).all()
+    return np.asarray(rises if counted else (values != 0) & (np.diff(values, prepend=0.0) != 0))
+
+
+def _turns(column: pd.Series, t_s: FloatArray, truth: Path2D) -> Turns:
+    """Labelled turns; where a label does not tell the side, the ground truth does."""
+    middles, sides = [], []
+    for start, end, label in _runs(column):
+        middle = (t_s[start] + t_s[end - 1]) / 2.0
+        side = next((sign for word, sign in _SIDES if re.search(word, label.lower())), 0.0)
+        before, after = np.interp((middle - 1.0, middle + 1.0), truth.t_s, truth.heading_rad)
+        middles.append(middle)
+        sides.append(side or float(np.sign(after - before)))
+    return Turns(np.array(middles), np.array(sides))
