@@ -505,7 +505,7 @@ def study(
     import shlex
 
     from fbgraph.config import load_config, load_mapping, parse_config
-    from fbgraph.study import SIMULATED, study_files
+    from fbgraph.study.run import SIMULATED, study_files
 
     simulated = dataset == SIMULATED
     if seed is not None and not simulated:
@@ -520,7 +520,7 @@ def study(
     folder = out or Path("studies") / (f"simulated-{seed}" if simulated else Path(dataset).name.partition(".")[0])
     with _study_progress() as progress:
         result = study_files(dataset, folder, effective, seed, trials, shlex.join(["fbgraph", *sys.argv[1:]]), progress)
-    from fbgraph.report import headline, summary, table  # heavy, and by now imported
+    from fbgraph.study.report import headline, summary, table  # heavy, and by now imported
 
     if as_json:
         print(json.dumps({"out": str(folder), **summary(result)}, indent=2))

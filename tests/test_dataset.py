@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 
 from fbgraph.config import DatasetConfig, load_config, load_mapping
-from fbgraph.course import simulated_trials, write_trial
-from fbgraph.dataset import read_dataset
 from fbgraph.errors import ConfigError, DataError
-from fbgraph.trial import Trial
+from fbgraph.study.course import simulated_trials, write_trial
+from fbgraph.study.dataset import read_dataset
+from fbgraph.study.trial import Trial
 
 LAYOUT = load_config("forestback").dataset
 AXES = "xyz"

@@ -12,17 +12,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fbgraph.calibration import Evidence, fit
 from fbgraph.cli import main
-from fbgraph.comparison import interval_of_mean, paired
 from fbgraph.config import load_config
-from fbgraph.course import simulated_trials
-from fbgraph.dataset import read_dataset
 from fbgraph.errors import ConfigError, DataError
-from fbgraph.protocol import LABELS, match_turns, turn_events
-from fbgraph.report import summary
-from fbgraph.study import run_study, study_files, study_folder
-from fbgraph.trial import Turns
+from fbgraph.study.calibration import Evidence, fit
+from fbgraph.study.comparison import interval_of_mean, paired
+from fbgraph.study.course import simulated_trials
+from fbgraph.study.dataset import read_dataset
+from fbgraph.study.protocol import LABELS, match_turns, turn_events
+from fbgraph.study.report import summary
+from fbgraph.study.run import run_study, study_files, study_folder
+from fbgraph.study.trial import Turns
 
 CONFIG = load_config("forestback")
 

@@ -18,10 +18,10 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from scipy import stats
 
-from fbgraph.course import OBSTACLE_M
 from fbgraph.geometry import FloatArray
 from fbgraph.palette import COLORS
-from fbgraph.protocol import LABELS, StudyResult, TrialResult
+from fbgraph.study.course import OBSTACLE_M
+from fbgraph.study.protocol import LABELS, StudyResult, TrialResult
 
 _DPI = 180
 _WIDTH_IN = 7.2

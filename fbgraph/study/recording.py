@@ -15,8 +15,8 @@ import rerun.blueprint as rrb
 
 from fbgraph.blueprint import Frame
 from fbgraph.palette import COLORS
-from fbgraph.protocol import LABELS, StudyResult
 from fbgraph.rrd import APPLICATION_ID
+from fbgraph.study.protocol import LABELS, StudyResult
 
 
 def write_study_recording(result: StudyResult, figures: dict[str, bytes], markdown: str, path: Path) -> None:

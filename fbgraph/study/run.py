@@ -15,17 +15,19 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.calibration import LAMBDAS, Evidence, StepModel, evidence, fit, map_offset_rad
-from fbgraph.comparison import Comparison, Overall, current_of, interval_of_mean, paired
 from fbgraph.config import Config
-from fbgraph.dataset import Dataset, read_dataset
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError, DataError, FbgraphError
 from fbgraph.exports import whole_folder
 from fbgraph.geometry import FloatArray
 from fbgraph.online import OnlineSmoother
 from fbgraph.pdr import dead_reckon
-from fbgraph.protocol import (
+from fbgraph.smoother import smooth
+from fbgraph.steps import StepTrack, detect_steps
+from fbgraph.study.calibration import LAMBDAS, Evidence, StepModel, evidence, fit, map_offset_rad
+from fbgraph.study.comparison import Comparison, Overall, current_of, interval_of_mean, paired
+from fbgraph.study.dataset import Dataset, read_dataset
+from fbgraph.study.protocol import (
     LABELS,
     MethodResult,
     StudyResult,
@@ -34,9 +36,7 @@ from fbgraph.protocol import (
     score_logged,
     score_trajectory,
 )
-from fbgraph.smoother import smooth
-from fbgraph.steps import StepTrack, detect_steps
-from fbgraph.trial import LOGGED, Trial, Turns
+from fbgraph.study.trial import LOGGED, Trial, Turns
 
 SIMULATED = "simulated"
 """Asked for instead of a data set."""
@@ -258,14 +258,14 @@ def study_files(
         ConfigError: ``out`` is no study folder or cannot be written.
         DataError: see ``read_dataset`` and ``run_study``.
     """
-    from fbgraph.report import write_report  # matplotlib and rerun take two seconds to import
+    from fbgraph.study.report import write_report  # matplotlib and rerun take two seconds to import
 
     began = time.perf_counter()
     if source != SIMULATED and Path(source).resolve().is_relative_to(out.resolve()):
         raise ConfigError(f"--out {out}: would replace the data set {source}; name another folder")
     with study_folder(out) as folder:
         if source == SIMULATED:
-            from fbgraph.course import TRIALS, simulated_trials, write_trial
+            from fbgraph.study.course import TRIALS, simulated_trials, write_trial
 
             (folder / "trials").mkdir()
             for number, (name, walk, remark) in enumerate(simulated_trials(seed, count or TRIALS)):

@@ -14,7 +14,7 @@ from typing import Any
 
 from fbgraph.config import ColumnsConfig, DatasetConfig
 from fbgraph.errors import DataError
-from fbgraph.trial import Table, Trial, find_columns, read_trial
+from fbgraph.study.trial import Table, Trial, find_columns, read_trial
 
 
 @dataclass(frozen=True)

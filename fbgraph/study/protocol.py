@@ -19,13 +19,13 @@ from itertools import pairwise
 import numpy as np
 
 from fbgraph.attitude import LevelledSignals
-from fbgraph.calibration import StepModel
-from fbgraph.comparison import Comparison
 from fbgraph.config import Config
 from fbgraph.geometry import FloatArray, wrap_angle
 from fbgraph.steps import StepTrack
+from fbgraph.study.calibration import StepModel
+from fbgraph.study.comparison import Comparison
+from fbgraph.study.trial import Path2D, Trial, Turns, walking_direction
 from fbgraph.trajectory import Trajectory
-from fbgraph.trial import Path2D, Trial, Turns, walking_direction
 
 LABELS = {
     "logged_pdr": "logged PDR",

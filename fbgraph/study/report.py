@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from fbgraph import __version__
-from fbgraph.comparison import CONFIDENCE, RESAMPLES, Overall, Paired
 from fbgraph.config import dump_toml
-from fbgraph.figures import draw
-from fbgraph.protocol import LABELS, MATCH_S, MIN_TURN_RAD, TURN_S, StudyResult
-from fbgraph.study_recording import write_study_recording
+from fbgraph.study.comparison import CONFIDENCE, RESAMPLES, Overall, Paired
+from fbgraph.study.figures import draw
+from fbgraph.study.protocol import LABELS, MATCH_S, MIN_TURN_RAD, TURN_S, StudyResult
+from fbgraph.study.recording import write_study_recording
 
 _PAPER = {  # section Overall Quantitative Performance
     "pdr": {"rmse_m": 1.129, "final_m": 1.781},
@@ -254,7 +254,7 @@ def _html(result: StudyResult, pictures: dict[str, tuple[bytes, str]], command: 
     import jinja2
 
     template = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(
-        (files("fbgraph") / "report.html.j2").read_text("utf-8")
+        (files("fbgraph.study") / "report.html.j2").read_text("utf-8")
     )
     heads = ["Difference", "ratio", "mean (m)", f"{CONFIDENCE:.0%} interval (m)", "better in", "Wilcoxon p", "t test p"]
     shown = result.methods

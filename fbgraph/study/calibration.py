@@ -18,7 +18,7 @@ from fbgraph.config import Config, StepLengthConfig
 from fbgraph.errors import DataError
 from fbgraph.geometry import FloatArray, wrap_angle
 from fbgraph.steps import StepTrack
-from fbgraph.trial import Trial, Turns
+from fbgraph.study.trial import Trial, Turns
 
 LAMBDAS = tuple(round(0.1 * k, 1) for k in range(11))
 """What is tried for λ."""
