@@ -152,13 +152,14 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         return curves(name, f"legs/{what}")
 
     truth = bool(there("error_m"))
+    shares = (3, 1, 2) if "summary" in entities else (1, 2)
     beside = [*text("Summary", "summary"), *lanes(), *(error() if truth else sure() or heading())]
     shown = [f"{root}/map/**", f"- {root}/map/believed/**", f"- {root}/map/return/**"]
     walk = plan("Map, North up", shown)
     if narrow:
         first = stacked("The walk", (5, [walk]), *zip((2, 1.4, 2.4), ([view] for view in beside), strict=False))
     else:
-        column = rrb.Vertical(*beside, row_shares=[3, 1, 2][: len(beside)])
+        column = rrb.Vertical(*beside, row_shares=list(shares[: len(beside)]))
         first = rrb.Horizontal(walk, column, column_shares=[5, 3], name="The walk")
     result = [
         first,

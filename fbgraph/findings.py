@@ -36,8 +36,14 @@ class Finding:
     text: str
 
 
-def wearer_lane(signals: LevelledSignals, track: StepTrack, still_window_s: float) -> Lane:
-    """What the wearer did: ``STANDING``, ``WALKING``, ``MOVING`` (by hand or foot, but no steps were found)."""
+def wearer_lane(signals: LevelledSignals, track: StepTrack | None, still_window_s: float) -> Lane:
+    """What the wearer did: ``STANDING``, ``WALKING``, ``MOVING`` (by hand or foot, but no steps were found).
+
+    Args:
+        signals: for how long to tell.
+        track: the steps; None if there are none yet.
+        still_window_s: how long before it is known standing still begins.
+    """
     t_s = signals.t_s
     if len(t_s) == 0:
         return []
@@ -53,7 +59,7 @@ def wearer_lane(signals: LevelledSignals, track: StepTrack, still_window_s: floa
     edges = np.flatnonzero(np.diff(np.concatenate(([False], signals.still, [False])).astype(int)))
     # stillness is known at the end of its window
     still = covered(t_s[edges[::2]] - still_window_s, t_s[edges[1::2] - 1] + 1.0 / rate_hz)
-    walking = covered(track.start_s[1:], track.t_s[1:])
+    walking = covered(track.start_s[1:], track.t_s[1:]) if track is not None else np.zeros(len(t_s), dtype=bool)
     state = np.where(walking, 2, np.where(still, 1, 0))
     names = (MOVING, STANDING, WALKING)
     lane: Lane = []

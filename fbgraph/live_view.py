@@ -74,6 +74,8 @@ class LiveView:
         if signals is not None and len(pieces):
             self._recorder.samples(SensorLog.concatenate(pieces), signals)
         if not smoother.steps:
+            if signals is not None:
+                self._recorder.wearer(signals, None)
             return
         track, first = smoother.track, self._steps
         online = smoother.causal

@@ -143,7 +143,7 @@ class Recorder:
             altitude = (track.altitude_m - track.altitude_m[known[0]])[first:]
             rrd.series("state/altitude_m/barometer", t_s, altitude, ["barometer"], [sensor], points=_CIRCLE)
 
-    def wearer(self, signals: LevelledSignals, track: StepTrack) -> None:
+    def wearer(self, signals: LevelledSignals, track: StepTrack | None) -> None:
         """What the wearer did during these signals."""
         self._lane("wearer", wearer_lane(signals, track, self._config.attitude.still_window_s), _WEARER_COLORS)
 
@@ -311,7 +311,7 @@ def write_recording(result: WalkResult, path: Path, summary_markdown: str, activ
 def _kind_color(name: str) -> Rgba:
     """Of a kind of factor."""
     colors: dict[str, Rgba] = {
-        "step_length": COLORS["step"],
+        "step_length": (200, 200, 200),
         "step_sideways": (166, 118, 29),
         "heading": COLORS["ekf"],
         "bias_drift": COLORS["online"],

@@ -42,6 +42,7 @@ class RrdWriter:
         )
         self._crumb_s = np.zeros(1)
         self._distance_m = np.zeros(1)
+        self._ends_s: dict[str, float] = {}  # of curves
         self.entities: set[str] = set()
 
     def view(self, url: str | None, arranged: rrb.Blueprint) -> None:
@@ -143,9 +144,11 @@ class RrdWriter:
         if points is not None:
             style = rr.SeriesPoints(names=names, colors=colors, markers=points, marker_sizes=2.0 * width)
         else:
-            gaps = np.flatnonzero(np.diff(t_s) > max_gap_s) + 1
+            before_s = np.concatenate(([self._ends_s.get(entity, np.inf)], t_s[:-1]))
+            self._ends_s[entity] = float(t_s[-1])
+            gaps = np.flatnonzero(t_s - before_s > max_gap_s)
             lengths = np.insert(lengths, gaps, 0)  # a row of nothing ends the curve
-            t_s = np.insert(t_s, gaps, t_s[gaps - 1] + 1e-3)
+            t_s = np.insert(t_s, gaps, before_s[gaps] + 1e-3)
             style = rr.SeriesLines(
                 names=names,
                 colors=colors,
