@@ -190,6 +190,11 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         name = "As it was believed while walking: move the time"
         contents = [f"{root}/map/believed/**", f"{root}/map/online/position", f"{root}/map/truth/**", f"{root}/map"]
         result.append(rrb.Horizontal(plan(name, contents), name="While walking"))
+    if there("map/return"):
+        name = "The way back, its turns numbered as in the list"
+        known = [f"{root}/map/return/**", f"{root}/map/smoothed/ends", f"{root}/map/legend/north", f"{root}/map"]
+        instructions = text("How to go", "return/instructions")
+        result.append(rrb.Horizontal(plan(name, known), *instructions, column_shares=[5, 3], name="The way back"))
     if there("residuals"):
         weights = curves("Share of its pull that the robust loss left each factor", "weights")
         trust = curves("The compass: the same, less what the disturbed field took", "state/compass_trust")

@@ -19,6 +19,7 @@ COLORS: dict[str, Color] = {
     "anchor": (240, 228, 66),  # yellow, never in one picture with steps
     "step": (240, 228, 66),
     "closure": (0, 114, 178),  # blue: two breadcrumbs at one place
+    "return": (0, 114, 178),  # the way back
     "sensor": (213, 94, 0),  # vermilion: what a sensor says by itself (compass, barometer, |acc|)
 }
 """By estimator name (``result.ESTIMATORS``), and of what they are made from and compared with; sRGB, 0 to 255."""

@@ -29,6 +29,7 @@ from fbgraph.errors import DataError
 from fbgraph.exports import score_label
 from fbgraph.findings import DOUBTED, MOVING, STANDING, TRUSTED, WALKING, compass_lane, compass_trust, find, wearer_lane
 from fbgraph.geometry import FloatArray, wrap_angle
+from fbgraph.guidance import way
 from fbgraph.log import SensorLog
 from fbgraph.metrics import checkpoint_errors, leg_errors
 from fbgraph.online import Belief
@@ -38,6 +39,7 @@ from fbgraph.rrd import Rgba, RrdWriter
 from fbgraph.scene import FAINT, MOST_LABELS, SIGMAS, ordered
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
+from fbgraph.way_texts import as_text
 
 _ACC_NORM_HZ = 20.0  # of |acc| beside the steps; the raw stream has every sample
 _PAUSE_S = 3.0  # curves of steps are broken where nobody stepped for longer
@@ -179,6 +181,7 @@ class Recorder:
         self._graph(result)
         self._errors(result, errors)
         self._lane("compass", compass_lane(result), _COMPASS_COLORS)
+        self._way_back(result)
         scores = {name: float(np.sqrt((error_m**2).mean())) for name, (_, error_m) in errors.items()}
         frame = scene.finished(rrd, result, scores)
         self._beliefs.finish(rrd, result.smoothed.trajectory)
@@ -261,6 +264,19 @@ class Recorder:
         errors = np.log10(np.maximum(smoothed.errors, 1e-12))
         rrd.fixed("solver/log10_error", rr.BarChart(errors, color=COLORS["smoothed"]))
         rrd.fixed("graph", rr.TextDocument(_graph_markdown(result), media_type=rr.MediaType.MARKDOWN))
+
+    def _way_back(self, result: WalkResult) -> None:
+        """Where the way back leads, and how it is told."""
+        log, compass = result.log, len(result.log.mag) > 0 or result.anchors is not None
+        events = [(event.t_s, event.label) for event in log.events]
+        try:
+            there = way(result.smoothed.trajectory, events, None, result.config.graph, log.name, compass)
+        except DataError:  # a walk that leads nowhere
+            return
+        back = there.reversed()
+        scene.way_back(self._rrd, back)
+        listed = as_text(back).replace("\n\n", "\n\n\n")
+        self._rrd.fixed("return/instructions", rr.TextDocument(listed, media_type=rr.MediaType.MARKDOWN))
 
     def _errors(self, result: WalkResult, errors: dict[str, tuple[FloatArray, FloatArray]]) -> None:
         """Errors at the checkpoints, and of each leg between two of them in length and direction."""

@@ -17,6 +17,7 @@ from fbgraph.exports import score_label
 from fbgraph.findings import DOUBTED, compass_lane
 from fbgraph.geometry import FloatArray
 from fbgraph.graph import anchor_breadcrumbs
+from fbgraph.guidance import Way
 from fbgraph.online import Belief
 from fbgraph.palette import COLORS, LABELS
 from fbgraph.result import ESTIMATORS, WalkResult
@@ -137,6 +138,15 @@ def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Fr
     _legend(rrd, frame, scores, result)
     _globe(rrd, result)
     return frame
+
+
+def way_back(rrd: RrdWriter, back: Way) -> None:
+    """The legs of the way back, its turns numbered as in its instructions."""
+    legs = [np.array(leg.points_m) for leg in back.legs]
+    rrd.lines("return/legs", legs, COLORS["return"], 2.0)
+    corners = np.array([*(leg[0] for leg in legs), legs[-1][-1]])
+    labels = [str(number) for number in range(1, len(corners) + 1)]
+    rrd.points("return/turns", corners, labels, COLORS["truth"], 6.0)
 
 
 def ordered(result: WalkResult) -> list[tuple[str, Trajectory]]:

@@ -103,6 +103,7 @@ def test_has_every_entity(walk: WalkResult, tmp_path: Path) -> None:
     for space in ("world", "map"):
         expected |= {f"{space}/{name}/{what}" for name in PATHS for what in ("path", "position")}
         expected |= {f"{space}/smoothed/{what}" for what in ("breadcrumbs", "ellipses", "ends", "closed_walk")}
+        expected |= {f"{space}/return/{what}" for what in ("legs", "turns")}
         expected |= {f"{space}/truth/{what}" for what in ("path", "checkpoints")} | {space}
     expected |= {f"map/legend/{what}" for what in ("colors", "scale", "north")}
     expected |= {f"state/yaw_deg/{name}" for name in (*PATHS, "compass", "smoothed_2sigma")}
@@ -115,7 +116,7 @@ def test_has_every_entity(walk: WalkResult, tmp_path: Path) -> None:
     expected |= {f"error_m/{name}{what}" for name in PATHS for what in ("", "_at")} | {"uncertainty_m/smoothed_2sigma"}
     expected |= {f"legs/{what}/{name}" for name in PATHS for what in ("length_percent", "direction_deg")}
     expected |= {f"residuals/{kind.name}" for kind in walk.smoothed.residuals if np.abs(kind.whitened).max() > 0.01}
-    expected |= {"solver/log10_error", "graph"}
+    expected |= {"solver/log10_error", "graph", "return/instructions"}
     assert found == expected
 
 
