@@ -148,6 +148,13 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         there = [(share, view) for share, views in rows for view in views]
         return rrb.Vertical(*(view for _, view in there), row_shares=[share for share, _ in there], name=name)
 
+    def quartet(name: str, *views: list[rrb.View]) -> rrb.Container:
+        """What happened when above up to four curves, two by two: high enough to read values off."""
+        if narrow:
+            return stacked(name, (1.4, lanes()), *((2, view) for view in views))
+        grid = rrb.Grid(*(view for some in views for view in some), grid_columns=2)
+        return rrb.Vertical(*lanes(), grid, row_shares=[1, 5][-1 - len(lanes()) :], name=name)
+
     def legs(what: str, name: str) -> list[rrb.View]:
         return curves(name, f"legs/{what}")
 
@@ -163,21 +170,19 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         first = rrb.Horizontal(walk, column, column_shares=[5, 3], name="The walk")
     result = [
         first,
-        stacked(
+        quartet(
             "Did heading go wrong?",
-            (1.4, lanes()),
-            (2, heading()),
-            (2, curves("Compass minus smoothed heading, and what was expected [°]", "state/magnetic_disturbance_deg")),
-            (2, curves("Gyroscope bias about the vertical [°/s]", "state/gyro_bias_deg_s")),
-            (2, curves("Magnetic field: strength [µT], dip [°]", "state/field")),
+            heading(),
+            curves("Compass minus smoothed heading, and what was expected [°]", "state/magnetic_disturbance_deg"),
+            curves("Gyroscope bias about the vertical [°/s]", "state/gyro_bias_deg_s"),
+            curves("Magnetic field: strength [µT], dip [°]", "state/field"),
         ),
-        stacked(
+        quartet(
             "Did steps go wrong?",
-            (1.4, lanes()),
-            (2, curves("Steps found [m/s²]", "steps", "state/acc_norm_m_s2")),
-            (2, curves("Step frequency [Hz]", "state/step_frequency_hz")),
-            (2, curves("Step length [m]", "state/step_length_m")),
-            (2, legs("length_percent", "Error of length from checkpoint to checkpoint [%]")),
+            curves("Steps found [m/s²]", "steps", "state/acc_norm_m_s2"),
+            curves("Step length [m]", "state/step_length_m"),
+            curves("Step frequency [Hz]", "state/step_frequency_hz"),
+            legs("length_percent", "Error of length from checkpoint to checkpoint [%]"),
         ),
     ]
     if altitude := curves("Altitude above the start [m]", "state/altitude_m"):
@@ -187,8 +192,13 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         beside += legs("direction_deg", "Error of direction from checkpoint to checkpoint [°]")
         result.append(rrb.Vertical(*error(), *beside, name="Error"))
     if there("map/believed"):
-        name = "As it was believed while walking: move the time"
-        contents = [f"{root}/map/believed/**", f"{root}/map/online/position", f"{root}/map/truth/**", f"{root}/map"]
+        name = (
+            "The online path as it was believed at the time of the cursor (purple), and as smoothed in the end (green)"
+        )
+        contents = [
+            f"{root}/map/{what}" for what in ("believed/**", "online/position", "smoothed/path", "smoothed/ends")
+        ]
+        contents += [f"{root}/map/truth/**", f"{root}/map/legend/scale", f"{root}/map/legend/north", f"{root}/map"]
         result.append(rrb.Horizontal(plan(name, contents), name="While walking"))
     if there("map/return"):
         name = "The way back, its turns numbered as in the list"
@@ -211,7 +221,9 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
     result.append(rrb.Horizontal(_space_view(frame, f"{root}/world"), name="3-D"))
     if there("geo"):
         zoom = None if frame is None else frame.zoom
-        globe = rrb.MapView(name="On the globe, North up", origin=f"{root}/geo", zoom=zoom)
+        globe = rrb.MapView(
+            name="On the globe, North up (the map behind it comes from the internet)", origin=f"{root}/geo", zoom=zoom
+        )
         result.append(rrb.Horizontal(globe, name="On the globe"))
     result.append(
         rrb.Vertical(
@@ -222,10 +234,9 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
             name="Raw sensors",
         )
     )
-    logs = {"findings": "Worth a look", "events": "Events of the log"}
-    texts = [rrb.TextLogView(name=name, origin=f"{root}/{e}") for e, name in logs.items() if e in entities]
+    log = [rrb.TextLogView(name="Events of the log", origin=f"{root}/events")] if "events" in entities else []
     if summary := text("Summary", "summary"):
-        result.append(rrb.Vertical(*summary, *texts, name="Summary"))
+        result.append(rrb.Horizontal(*summary, *log, name="Summary"))
     return result
 
 

@@ -21,6 +21,7 @@ from fbgraph.errors import ConfigError, DataError
 from fbgraph.findings import find
 from fbgraph.geometry import FloatArray
 from fbgraph.metrics import Alignment, score
+from fbgraph.palette import LABELS
 from fbgraph.result import WalkResult
 from fbgraph.trajectory import Trajectory, read_tum, write_tum
 from fbgraph.turns import find_turns
@@ -208,7 +209,7 @@ def warnings(result: WalkResult) -> list[str]:
     if len(norm) and np.percentile(norm, 95) - np.percentile(norm, 5) > 0.3 * np.median(norm):
         found.append(
             f"magnetic disturbance: field strength {np.percentile(norm, 5):.0f} to {np.percentile(norm, 95):.0f} µT "
-            "along the walk"
+            "at nine of ten steps"
         )
     return found
 
@@ -254,43 +255,57 @@ def score_entry(
 
 def summary_markdown(summary: dict[str, Any]) -> str:
     """The summary for people, inside the recording."""
-    low, high = summary["altitude_range_m"]
+    low, high = (round(value, 1) + 0.0 for value in summary["altitude_range_m"])  # no -0.0
+    turns = f"{summary['turns']} turn{'' if summary['turns'] == 1 else 's'}"
+    smoothed = summary["estimators"]["smoothed"]
     lines = [
         f"# {summary['log']['name']}",
-        f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, {summary['distance_m']:.0f} m, "
-        f"{summary['turns']} turns, altitude {low:+.1f} to {high:+.1f} m.",
+        f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, "
+        f"{summary['distance_m']:.0f} m as smoothed, {turns}, altitude {low:+.1f} to {high:+.1f} m.",
+        "",
+        f"{_ends_text(smoothed['end_m'], summary)}.",
     ]
-    x_m, y_m, _ = (smoothed := summary["estimators"]["smoothed"])["end_m"]
-    if summary["anchors"] == 0:
-        east, north = "East" if x_m >= 0 else "West", "North" if y_m >= 0 else "South"
-        ends = f"The smoothed walk ends {abs(x_m):.1f} m {east} and {abs(y_m):.1f} m {north} of its start"
-    else:
-        ends = f"The smoothed walk ends at {x_m:.1f}, {y_m:.1f} in the anchors' frame"
-    if summary.get("end_2sigma_m") is not None:
-        ends += f", ± {summary['end_2sigma_m']:.1f} m (2σ)"
-    lines += ["", f"{ends}."]
-    if "score" in smoothed:
-        lines[-1] += f" By the truth it ends {smoothed['score']['final_m']:.1f} m off."
+    findings = summary.get("findings", [])
+    lines += [f"\nThe {f['text']}." for f in findings if f["kind"] == "gyro_bias"]
     lines += [
         "",
-        "| estimator | end x, y (m) | RMSE (m) | max (m) | final (m) | scored |",
+        "| estimator | ends East, North (m) | RMSE (m) | max (m) | last (m) | told of |",
         "|---|---|---|---|---|---|",
     ]
+    told = {"unaided": "nothing", "closed": "its end is its start", "anchored": "anchors"}
     for name, entry in summary["estimators"].items():
-        x_m, y_m, _ = entry["end_m"]
-        row = f"| {name} | {x_m:.1f}, {y_m:.1f} |"
+        x_m, y_m, _ = (round(value, 1) + 0.0 for value in entry["end_m"])
+        row = f"| {LABELS[name]} | {x_m:.1f}, {y_m:.1f} |"
         if "score" in entry:
             s = entry["score"]
-            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {s['label']} |"
+            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {told[s['label']]} |"
         else:
             row += " – | – | – | no truth |"
         lines.append(row)
+    if "score" in smoothed:
+        lines += [
+            "",
+            "Errors are horizontal, at the truth's checkpoints after the first; “last” is at the last of them.",
+        ]
     lines += ["", "## Warnings", *(f"- {text}" for text in summary["warnings"])] if summary["warnings"] else []
-    if summary.get("findings"):
+    worth = [f for f in findings if f["kind"] != "gyro_bias"]
+    if worth:
         lines += ["", "## Worth a look"]
-    for f in summary.get("findings", []):
+    for f in worth:
         when = (
             f"{f['start_s']:.0f} s" if f["end_s"] - f["start_s"] < 1.0 else f"{f['start_s']:.0f} to {f['end_s']:.0f} s"
         )
         lines.append(f"- {when}: {f['text']}")
     return "\n".join(lines) + "\n"
+
+
+def _ends_text(end_m: list[float], summary: dict[str, Any]) -> str:
+    """Where the smoothed walk ends, and how sure that is."""
+    x_m, y_m = (round(value, 1) + 0.0 for value in end_m[:2])
+    if summary["anchors"]:
+        text = f"The smoothed walk ends at {x_m:.1f} East, {y_m:.1f} North in the anchors' frame"
+    else:
+        east, north = "East" if x_m >= 0 else "West", "North" if y_m >= 0 else "South"
+        text = f"The smoothed walk ends {abs(x_m):.1f} m {east} and {abs(y_m):.1f} m {north} of its start"
+    sure_m = summary.get("end_2sigma_m")
+    return text if sure_m is None else f"{text}, ± {sure_m:.1f} m (2σ)"

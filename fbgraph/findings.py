@@ -9,6 +9,8 @@ import numpy as np
 from fbgraph.attitude import LevelledSignals
 from fbgraph.field import FieldMemory
 from fbgraph.geometry import BoolArray, FloatArray, wrap_angle
+from fbgraph.graph import anchor_breadcrumbs
+from fbgraph.metrics import leg_errors
 from fbgraph.result import WalkResult
 from fbgraph.steps import StepTrack
 
@@ -19,8 +21,10 @@ STANDING, WALKING, MOVING = "standing still", "walking", "moving, no steps"
 TRUSTED, DOUBTED = "trusted", "doubted"
 
 _HALF = 0.5  # of the usual pull; a compass that is left less is doubted
-_SHORT_STEPS = 3  # a stretch of fewer is not worth telling, a break of fewer does not end one
+_SHORT_STEPS = 2  # a stretch of fewer is not worth telling
+_BRIDGED_STEPS = 3  # and a break of fewer does not end one
 _PAUSE_S = 3.0  # walking without a step for longer is told
+_SHOWN_S = 1.0  # how long a moment is shown
 _BLINK_S = 1.0  # a shorter stretch of neither standing nor walking is neither's end
 _SLOW, _FAST = 0.7, 1.4  # of the usual step frequency
 _MOST = 5  # stretches of one kind that are told
@@ -86,13 +90,13 @@ def compass_trust(result: WalkResult) -> FloatArray:
     return np.asarray(weight / inflation)
 
 
-def stretches(flags: BoolArray, shortest: int = _SHORT_STEPS) -> list[tuple[int, int]]:
-    """First and last index of runs of true flags; breaks shorter than ``shortest`` are bridged, short runs dropped."""
+def stretches(flags: BoolArray) -> list[tuple[int, int]]:
+    """First and last index of runs of true flags; short breaks are bridged, single flags dropped."""
     at = np.flatnonzero(flags)
     if len(at) == 0:
         return []
-    runs = np.split(at, np.flatnonzero(np.diff(at) > shortest) + 1)
-    return [(int(run[0]), int(run[-1])) for run in runs if len(run) >= shortest]
+    runs = np.split(at, np.flatnonzero(np.diff(at) > _BRIDGED_STEPS) + 1)
+    return [(int(run[0]), int(run[-1])) for run in runs if len(run) >= _SHORT_STEPS]
 
 
 def compass_lane(result: WalkResult) -> Lane:
@@ -108,9 +112,20 @@ def compass_lane(result: WalkResult) -> Lane:
     return [*lane, (float(t_s[known[-1]]), None)]
 
 
+def places_lane(result: WalkResult) -> Lane:
+    """When the walk was told where it was: at anchors, and at its end if that is its start."""
+    track, lane = result.track, []
+    told = [("closed walk", len(track) - 1)] if result.closed_walk else []
+    if result.anchors is not None:
+        told += [("anchor", k) for k in anchor_breadcrumbs(result.anchors, result.log.t0_s, track.t_s).tolist()]
+    for name, k in sorted(told, key=lambda one: one[1]):
+        lane += [(float(track.start_s[k]), name), (float(track.t_s[k]) + _SHOWN_S, None)]
+    return lane
+
+
 def find(result: WalkResult) -> list[Finding]:
     """Everything worth telling of a walk, in order of time; of each kind the longest stretches only."""
-    kinds = (_compass(result), _steps(result), _gaps(result), _places(result))
+    kinds = (_compass(result), _steps(result), _gaps(result), _places(result), _truth(result))
     chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
     return sorted([*chosen, *_bias(result)], key=lambda finding: finding.start_s)
 
@@ -122,7 +137,10 @@ def _compass(result: WalkResult) -> list[Finding]:
     found = []
     for first, last in stretches(compass_trust(result) < _HALF):
         span = slice(first, last + 1)
-        worst = off[span][np.nanargmax(np.abs(off[span]))]
+        worst = float(off[span][np.nanargmax(np.abs(off[span]))])
+        by = f"up to {abs(worst):.0f}° off to the {'left' if worst > 0 else 'right'} of the smoothed heading"
+        if abs(worst) > 90.0:
+            by = "useless, more than 90° off the smoothed heading"
         norm = track.mag_norm_ut[span]
         found.append(
             Finding(
@@ -131,8 +149,7 @@ def _compass(result: WalkResult) -> list[Finding]:
                 float(track.t_s[last]),
                 f"compass doubted for {distance_m[last] - distance_m[max(first - 1, 0)]:.0f} m "
                 f"(steps {first} to {last}): "
-                f"up to {abs(worst):.0f}° off to the {'left' if worst > 0 else 'right'} of the smoothed heading, "
-                f"field {np.nanmin(norm):.0f} to {np.nanmax(norm):.0f} µT",
+                f"{by}, field {np.nanmin(norm):.0f} to {np.nanmax(norm):.0f} µT",
             )
         )
     return found
@@ -176,16 +193,57 @@ def _gaps(result: WalkResult) -> list[Finding]:
 
 
 def _places(result: WalkResult) -> list[Finding]:
-    """Anchors and closures: how far from them the smoothed walk stayed, and which were doubted."""
+    """What anchors, closures and a closed end did to the walk, and which of them were doubted."""
+    smoothed, ekf, track = result.smoothed.trajectory, result.trajectories["ekf"], result.track
+    free = ekf.xy_m - ekf.xy_m[0] + smoothed.xy_m[0]
+    weights = {
+        kind.name: dict(zip(kind.k.tolist(), kind.weight.tolist(), strict=True)) for kind in result.smoothed.residuals
+    }
+    told: list[tuple[str, int, FloatArray]] = []
+    if result.anchors is not None:
+        crumbs = anchor_breadcrumbs(result.anchors, result.log.t0_s, track.t_s).tolist()
+        told += [("anchor", k, place) for k, place in zip(crumbs, result.anchors.xy_m, strict=True)]
+    if result.closed_walk:
+        told.append(("closed walk", len(smoothed) - 1, smoothed.xy_m[0]))
     found = []
-    for kind in result.smoothed.residuals:
-        if kind.name not in ("anchor", "closure"):
-            continue
-        for k, whitened, weight in zip(kind.k, kind.whitened, kind.weight, strict=True):
-            if weight < _HALF:
-                at_s = float(result.track.t_s[k])
-                text = f"{kind.name} at step {k} doubted: the walk stays {abs(whitened):.1f} sigma away from it"
-                found.append(Finding(kind.name, at_s, at_s, text))
+    for name, k, place in told:
+        at_s = float(track.t_s[k])
+        near, before = np.hypot(*(smoothed.xy_m[k] - place)), np.hypot(*(free[k] - place))
+        text = f"{name} at step {k}: the smoothed walk is {near:.1f} m from it, the EKF, not told of it, {before:.1f} m"
+        if weights.get(name, {}).get(k, 1.0) < _HALF:
+            text += "; doubted, the walk was pulled less than half as far as it asked"
+        found.append(Finding(name.replace(" ", "_"), at_s, at_s, text))
+    return found
+
+
+def _truth(result: WalkResult) -> list[Finding]:
+    """Where truth is known: whether the smoothed walk is as sure as it may be, and what its error is made of."""
+    truth, smoothed, cov = result.truth, result.smoothed.trajectory, result.smoothed.trajectory.cov_xy_yaw
+    if truth is None or len(truth) < 2 or cov is None:
+        return []
+    t_s = truth.t_s - result.log.t0_s
+    off_m = np.hypot(*(smoothed.at(t_s)[:, :2] - truth.xy_m - result.truth_shift_m).T)[1:]
+    limit_m = 2.0 * np.interp(t_s[1:], smoothed.t_s, np.sqrt(np.linalg.eigvalsh(cov[:, :2, :2])[:, 1]))
+    beyond = off_m > np.maximum(limit_m, 0.5)  # checkpoints are not surveyed better
+    start_s, end_s = float(t_s[0]), float(t_s[-1])
+    found = []
+    if beyond.mean() > 0.1:
+        text = f"the smoothed walk is further from the truth than its 2σ at {beyond.sum()} of {len(off_m)} checkpoints"
+        found.append(Finding("truth", start_s, end_s, text))
+    legs = leg_errors(smoothed, truth, result.log.t0_s)
+    if len(legs.yaw_rad) == 0:
+        return found
+    yaw_deg, length = float(np.degrees(np.median(legs.yaw_rad))), float(np.median(legs.length_rel))
+    if abs(yaw_deg) > 8.0:
+        text = (
+            f"by the truth the smoothed walk is turned {abs(yaw_deg):.0f}° to the {'left' if yaw_deg > 0 else 'right'} "
+            "(median leg): how the device was held, declination, or iron all along; nothing in the sensors tells"
+        )
+        found.append(Finding("truth", start_s, end_s, text))
+    if abs(length) > 0.08:
+        by = f"{100.0 * abs(length):.0f} % too {'long' if length > 0 else 'short'}"
+        text = f"by the truth the smoothed walk is {by} (median leg)"
+        found.append(Finding("truth", start_s, end_s, text))
     return found
 
 
@@ -195,8 +253,7 @@ def _bias(result: WalkResult) -> list[Finding]:
     bias = np.degrees(smoothed.gyro_bias_rad_s)
     sigma = smoothed.sigma_bias_rad_s
     give = f" ± {2.0 * np.degrees(sigma[-1]):.2f}" if sigma is not None else ""
-    text = (
-        f"gyroscope bias {bias[-1]:+.2f}{give} °/s (2 sigma) at the end; "
-        f"it moved between {bias.min():+.2f} and {bias.max():+.2f} °/s"
+    text = f"gyroscope bias {bias[-1]:+.2f}{give} °/s (2σ) at the end; " + (
+        f"it moved between {bias.min():+.2f} and {bias.max():+.2f} °/s" if np.ptp(bias) >= 0.01 else "it did not move"
     )
     return [Finding("gyro_bias", float(smoothed.t_s[-1]), float(smoothed.t_s[-1]), text)]

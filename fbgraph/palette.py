@@ -19,6 +19,7 @@ COLORS: dict[str, Color] = {
     "anchor": (240, 228, 66),  # yellow, never in one picture with steps
     "step": (240, 228, 66),
     "closure": (0, 114, 178),  # blue: two breadcrumbs at one place
+    "event": (200, 200, 200),
     "return": (0, 114, 178),  # the way back
     "sensor": (213, 94, 0),  # vermilion: what a sensor says by itself (compass, barometer, |acc|)
 }

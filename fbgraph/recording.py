@@ -27,7 +27,17 @@ from fbgraph.blueprint import blueprint
 from fbgraph.config import Config
 from fbgraph.errors import DataError
 from fbgraph.exports import score_label
-from fbgraph.findings import DOUBTED, MOVING, STANDING, TRUSTED, WALKING, compass_lane, compass_trust, find, wearer_lane
+from fbgraph.findings import (
+    DOUBTED,
+    MOVING,
+    STANDING,
+    TRUSTED,
+    WALKING,
+    compass_lane,
+    compass_trust,
+    places_lane,
+    wearer_lane,
+)
 from fbgraph.geometry import FloatArray, wrap_angle
 from fbgraph.guidance import way
 from fbgraph.log import SensorLog
@@ -161,7 +171,8 @@ class Recorder:
             bias = np.degrees(trajectory.gyro_bias_rad_s[first:])
             rrd.series(f"state/gyro_bias_deg_s/{name}", t_s, bias, label, color)
             if "state/altitude_m/barometer" in rrd.entities:
-                rrd.series(f"state/altitude_m/{name}", t_s, trajectory.z_m[first:], label, color)
+                z_m = trajectory.z_m[first:]
+                rrd.series(f"state/altitude_m/{name}", t_s, z_m, label, color, max_gap_s=_PAUSE_S)
 
     def path(self, name: str, trajectory: Trajectory, first: int = 0) -> None:
         """The places of an estimator, new ones from ``first`` on."""
@@ -176,11 +187,11 @@ class Recorder:
         rrd = self._rrd
         errors = _errors(result)
         rrd.fixed("summary", rr.TextDocument(summary_markdown, media_type=rr.MediaType.MARKDOWN))
-        self._told(result)
         self._hindsight(result)
         self._graph(result)
         self._errors(result, errors)
         self._lane("compass", compass_lane(result), _COMPASS_COLORS)
+        self._lane("known_places", places_lane(result), {"anchor": COLORS["anchor"], "closed walk": COLORS["anchor"]})
         self._way_back(result)
         scores = {name: float(np.sqrt((error_m**2).mean())) for name, (_, error_m) in errors.items()}
         frame = scene.finished(rrd, result, scores)
@@ -200,33 +211,25 @@ class Recorder:
         at = np.clip(np.searchsorted(self._yaw_s, t_s), 0, len(self._yaw_s) - 1)
         return np.asarray(self._shown_rad[at] + wrap_angle(yaw_rad - self._yaw_rad[at]))
 
-    def _told(self, result: WalkResult) -> None:
-        """What the reader of the log had to say, and what was found out about the walk."""
-        rows = [(0.0, notice, rr.TextLogLevel.WARN) for notice in result.log.notices]
-        rows += [(f.start_s, f.text, rr.TextLogLevel.WARN) for f in find(result) if f.kind != "gyro_bias"]
-        if rows:
-            t_s, texts, levels = zip(*rows, strict=True)
-            self._rrd.columns("findings", np.array(t_s), rr.TextLog.columns(text=texts, level=levels))
-
     def _hindsight(self, result: WalkResult) -> None:
         """The bands of the smoother, and what it makes of steps and compass."""
         rrd, smoothed, track, config = self._rrd, result.smoothed.trajectory, result.track, result.config.graph
         color, names = [(*COLORS["smoothed"], FAINT)] * 2, [f"smoothed ±{SIGMAS:g}σ"] * 2
 
-        def band(entity: str, middle: FloatArray, sigma: FloatArray, max_gap_s: float = np.inf) -> None:
+        def band(entity: str, middle: FloatArray, sigma: FloatArray, max_gap_s: float = _PAUSE_S) -> None:
             table = _band(middle, sigma)
             rrd.series(entity, smoothed.t_s, table, names, color, width=1.0, max_gap_s=max_gap_s)
 
         if smoothed.cov_xy_yaw is not None:
             cov = smoothed.cov_xy_yaw
             sigma = np.degrees(np.sqrt(cov[:, 2, 2]))
-            band("state/yaw_deg/smoothed_2sigma", np.degrees(self._shown_rad), sigma, _PAUSE_S)
+            band("state/yaw_deg/smoothed_2sigma", np.degrees(self._shown_rad), sigma)
             ellipse_m = SIGMAS * np.sqrt(np.linalg.eigvalsh(cov[:, :2, :2])[:, 1])
-            label = [f"smoothed {SIGMAS:g}σ, longest axis of the ellipse"]
+            label = [f"smoothed {SIGMAS:g}σ, the ellipse's longest half axis"]
             rrd.series("uncertainty_m/smoothed_2sigma", smoothed.t_s, ellipse_m, label, [color[0]])
         if smoothed.sigma_bias_rad_s is not None:
             bias, sigma = np.degrees(smoothed.gyro_bias_rad_s), np.degrees(smoothed.sigma_bias_rad_s)
-            band("state/gyro_bias_deg_s/smoothed_2sigma", bias, sigma)
+            band("state/gyro_bias_deg_s/smoothed_2sigma", bias, sigma, np.inf)
         if smoothed.sigma_z_m is not None and "state/altitude_m/barometer" in rrd.entities:
             band("state/altitude_m/smoothed_2sigma", smoothed.z_m, smoothed.sigma_z_m)
         step_m = np.hypot(np.diff(smoothed.x_m), np.diff(smoothed.y_m))
@@ -289,12 +292,13 @@ class Recorder:
                 )
             assert result.truth is not None  # there are errors
             legs = leg_errors(result.trajectories[name], result.truth, result.log.t0_s)
-            middle_s = (legs.start_s + legs.end_s) / 2.0
+            edges_s = np.append(legs.start_s, legs.end_s[-1:])
             for what, values in (
                 ("length_percent", 100.0 * legs.length_rel),
                 ("direction_deg", np.degrees(legs.yaw_rad)),
             ):
-                rrd.series(f"legs/{what}/{name}", middle_s, values, [LABELS[name]], [COLORS[name]], width=2.0)
+                held = np.append(values, values[-1:])
+                rrd.series(f"legs/{what}/{name}", edges_s, held, [LABELS[name]], [COLORS[name]], width=2.0, stairs=True)
 
 
 def write_recording(result: WalkResult, path: Path, summary_markdown: str, active_tab: int = 0) -> None:
@@ -347,10 +351,11 @@ def _graph_markdown(result: WalkResult) -> str:
         "# The factor graph",
         f"{len(smoothed.trajectory)} breadcrumbs, {smoothed.factors} factors.",
         "",
-        "A residual is the estimate minus the measurement in standard deviations: RMS near 1 is what the sigmas "
-        "promised, far above 1 is a model that does not fit. Doubted: the robust loss left less than half the pull.",
+        "A residual is the estimate minus the measurement in standard deviations. RMS up to 1 is what the sigmas "
+        "promised (well below it where errors of neighbours go together, as the compass's do), far above 1 is a model "
+        "that does not fit. The last column counts factors that the robust loss left less than half their pull.",
         "",
-        "| factor | how many | RMS (σ) | worst (σ) | at | doubted |",
+        "| factor | how many | RMS (σ) | worst (σ) | at | below half |",
         "|---|---|---|---|---|---|",
     ]
     for kind in smoothed.residuals:

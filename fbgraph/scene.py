@@ -15,7 +15,7 @@ import rerun as rr
 from fbgraph.blueprint import Frame
 from fbgraph.exports import score_label
 from fbgraph.findings import DOUBTED, compass_lane
-from fbgraph.geometry import FloatArray
+from fbgraph.geometry import FloatArray, IntArray
 from fbgraph.graph import anchor_breadcrumbs
 from fbgraph.guidance import Way
 from fbgraph.online import Belief
@@ -124,7 +124,10 @@ def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Fr
     if doubted:
         rrd.lines("smoothed/compass_doubted", doubted, COLORS["sensor"], 5.0)
     if result.closed_walk:
-        rrd.lines("smoothed/closed_walk", [places[[-1, 0]]], COLORS["anchor"], 1.5)
+        rrd.lines("smoothed/closed_walk", [places[[-1, 0]]], COLORS["anchor"], 3.0)
+        rrd.points("smoothed/closed_end", places[[0]], None, COLORS["anchor"], 8.0)
+    _times(rrd, smoothed)
+    _events(rrd, result)
     if result.anchors is not None and len(result.anchors):
         crumbs = anchor_breadcrumbs(result.anchors, result.log.t0_s, result.track.t_s)
         fixes = np.column_stack((result.anchors.xy_m, smoothed.z_m[crumbs]))
@@ -188,6 +191,23 @@ def _stretches_where(lane: list[tuple[float, str | None]], state: str, trajector
     return pieces
 
 
+def _times(rrd: RrdWriter, trajectory: Trajectory) -> None:
+    """When the walk passed the middles of its ellipses."""
+    chosen = _marked(trajectory)
+    minutes, seconds = np.divmod(np.round(trajectory.t_s[chosen]).astype(int), 60)
+    labels = [f"{m}:{s:02d}" for m, s in zip(minutes, seconds, strict=True)]
+    rrd.points("smoothed/times", xyz(trajectory)[chosen], labels, COLORS["smoothed"], 3.5)
+
+
+def _events(rrd: RrdWriter, result: WalkResult) -> None:
+    """Where the walk was when the log marked something."""
+    events = [event for event in result.log.events if event.label.strip()]
+    if not 0 < len(events) <= MOST_LABELS:
+        return
+    places = result.smoothed.trajectory.at(np.array([event.t_s for event in events]))
+    rrd.points("events", places, [f"“{event.label}”" for event in events], COLORS["event"], 4.0)
+
+
 def _ends(rrd: RrdWriter, places: FloatArray, frame: Frame) -> None:
     """Flags at the ends of the walk, on poles that lean apart: they would hide each other and the checkpoints."""
     labels, colors, radii = ["start", "end"], [COLORS["smoothed"]], rr.Radius.ui_points(1.0)
@@ -212,10 +232,12 @@ def _legend(rrd: RrdWriter, frame: Frame, scores: dict[str, float], result: Walk
     extras = (
         ("smoothed/ellipses", "smoothed", f"ellipses: {SIGMAS:g}σ"),
         ("truth/path", "truth", "truth"),
+        ("smoothed/times", "smoothed", "time, min:s"),
         ("smoothed/compass_doubted", "sensor", "compass doubted"),
         ("anchors/places", "anchor", "anchor"),
         ("smoothed/closed_walk", "anchor", "closed walk"),
         ("closures", "closure", "closure"),
+        ("events", "event", "event of the log"),
     )
     known += [(color, text) for entity, color, text in extras if f"map/{entity}" in rrd.entities]
     row_m = frame.row_m
@@ -277,11 +299,15 @@ def _grouped(places: FloatArray) -> tuple[FloatArray, list[str] | None]:
     return places[[group[0] for group in groups]], [", ".join(str(i + 1) for i in group) for group in groups]
 
 
+def _marked(trajectory: Trajectory) -> IntArray:
+    """Indices of breadcrumbs evenly along the walk, the last one among them."""
+    return np.arange(len(trajectory) - 1, 0, -max(len(trajectory) // _ELLIPSES, 1))
+
+
 def _ellipses(trajectory: Trajectory) -> list[FloatArray]:
     """Ellipses of the horizontal covariance at breadcrumbs evenly along the walk, each (P, 3) and closed."""
     assert trajectory.cov_xy_yaw is not None  # the caller asked
-    every = max(len(trajectory) // _ELLIPSES, 1)
-    chosen = np.arange(len(trajectory) - 1, 0, -every)
+    chosen = _marked(trajectory)
     # with P = L Lᵀ, L turns and stretches a circle into the ellipse; the first breadcrumb's P is almost nothing
     root = np.linalg.cholesky(trajectory.cov_xy_yaw[chosen, :2, :2] + 1e-9 * np.eye(2))
     angle = np.linspace(0.0, 2.0 * np.pi, _ELLIPSE_POINTS)

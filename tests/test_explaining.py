@@ -12,7 +12,17 @@ import pytest
 from fbgraph.checkpoints import checkpoints, read_checkpoints
 from fbgraph.config import load_config
 from fbgraph.errors import ConfigError, DataError
-from fbgraph.findings import DOUBTED, STANDING, WALKING, compass_lane, compass_trust, find, stretches, wearer_lane
+from fbgraph.findings import (
+    DOUBTED,
+    STANDING,
+    WALKING,
+    compass_lane,
+    compass_trust,
+    find,
+    places_lane,
+    stretches,
+    wearer_lane,
+)
 from fbgraph.gait import Walker
 from fbgraph.georeference import Georeference, parse_origin
 from fbgraph.log import SensorLog, Stream
@@ -87,13 +97,30 @@ def test_doubted_places_are_told_with_how_far(clean: SimulatedWalk) -> None:
     wrong = replace(walk, x_m=walk.x_m + np.where(np.arange(len(walk)) == 2, 25.0, 0.0))
     result = reconstruct(clean.log, load_config("m5stickc"), anchors=replace(wrong, t_s=wrong.t_s + clean.log.t0_s))
     told = [finding for finding in find(result) if finding.kind == "anchor"]
-    assert len(told) == 1
-    assert "doubted" in told[0].text
+    assert len(told) == min(len(walk), 5)
+    doubted = [finding for finding in told if "doubted" in finding.text]
+    assert len(doubted) == 1
+    assert doubted[0].start_s == pytest.approx(walk.t_s[2], abs=1.0)
+    assert [state for _, state in places_lane(result)].count("anchor") == len(walk)
+
+
+def test_what_only_truth_can_tell(clean: SimulatedWalk, undisturbed: WalkResult) -> None:
+    """A walk turned by 20° and stretched by 15 %: said so, and that it is less sure than it claims."""
+    moved = 1.0 / 1.15 * (clean.x_m + 1j * clean.y_m) * np.exp(-1j * np.radians(20.0))
+    known = slice(None, None, 1000)
+    t_s = clean.t_s[known] + clean.log.t0_s
+    truth = checkpoints(t_s, moved.real[known], moved.imag[known])
+    told = " ".join(finding.text for finding in find(replace(undisturbed, truth=truth)) if finding.kind == "truth")
+    assert "further from the truth than its 2σ" in told
+    assert "to the left" in told
+    assert "% too long" in told
+    honest = checkpoints(t_s, clean.x_m[known], clean.y_m[known])
+    assert not [finding for finding in find(replace(undisturbed, truth=honest)) if finding.kind == "truth"]
 
 
 def test_stretches_bridge_short_breaks_and_drop_short_runs() -> None:
     flags = np.zeros(30, dtype=bool)
-    flags[[3, 4, 5, 7, 8, 20, 21]] = True
+    flags[[3, 4, 5, 7, 8, 20]] = True
     assert stretches(flags) == [(3, 8)]
     assert stretches(np.zeros(5, dtype=bool)) == []
 

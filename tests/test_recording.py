@@ -102,7 +102,10 @@ def test_has_every_entity(walk: WalkResult, tmp_path: Path) -> None:
     expected = {f"sensors/{name}" for name in ("acc", "gyro", "mag", "pressure")}
     for space in ("world", "map"):
         expected |= {f"{space}/{name}/{what}" for name in PATHS for what in ("path", "position")}
-        expected |= {f"{space}/smoothed/{what}" for what in ("breadcrumbs", "ellipses", "ends", "closed_walk")}
+        expected |= {
+            f"{space}/smoothed/{what}"
+            for what in ("breadcrumbs", "ellipses", "ends", "times", "closed_walk", "closed_end")
+        }
         expected |= {f"{space}/return/{what}" for what in ("legs", "turns")}
         expected |= {f"{space}/truth/{what}" for what in ("path", "checkpoints")} | {space}
     expected |= {f"map/legend/{what}" for what in ("colors", "scale", "north")}
@@ -112,7 +115,17 @@ def test_has_every_entity(walk: WalkResult, tmp_path: Path) -> None:
     expected |= {f"state/magnetic_disturbance_deg/{what}" for what in ("compass_off", "expected_2sigma")}
     expected |= {"state/field/norm_ut", "state/field/dip_deg", "state/compass_trust", "state/step_frequency_hz"}
     expected |= {f"state/step_length_m/{what}" for what in ("measured", "measured_2sigma", "smoothed")}
-    expected |= {"state/acc_norm_m_s2", "steps", "events", "findings", "summary", "lanes/wearer", "lanes/compass"}
+    expected |= {
+        "state/acc_norm_m_s2",
+        "steps",
+        "events",
+        "summary",
+        "lanes/wearer",
+        "lanes/compass",
+        "lanes/known_places",
+        "map/events",
+        "world/events",
+    }
     expected |= {f"error_m/{name}{what}" for name in PATHS for what in ("", "_at")} | {"uncertainty_m/smoothed_2sigma"}
     expected |= {f"legs/{what}/{name}" for name in PATHS for what in ("length_percent", "direction_deg")}
     expected |= {f"residuals/{kind.name}" for kind in walk.smoothed.residuals if np.abs(kind.whitened).max() > 0.01}
@@ -186,7 +199,18 @@ def test_walk_without_compass_barometer_and_truth(bare_walk: WalkResult, tmp_pat
     absent = ("sensors/mag", "sensors/pressure", "state/field", "state/altitude_m", "error_m", "world/truth", "events")
     absent += ("geo", "legs", "state/magnetic_disturbance_deg", "residuals/compass", "map/believed")
     assert not [entity for entity in found if entity.startswith(absent)]
-    assert not {"state/yaw_deg/compass", "world/anchors/places", "world/smoothed/closed_walk", "lanes/compass"} & found
+    assert (
+        not {
+            "state/yaw_deg/compass",
+            "world/anchors/places",
+            "world/smoothed/closed_walk",
+            "lanes/compass",
+            "lanes/known_places",
+            "map/events",
+            "world/events",
+        }
+        & found
+    )
     assert {f"world/{name}/path" for name in PATHS} <= found
 
 
