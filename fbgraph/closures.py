@@ -77,7 +77,9 @@ class ClosureMaker:
         return Closure(match.breadcrumb, k, sigma_m, config.closure_sigma_m, along_m)
 
 
-def find_turn_back(trajectory: Trajectory, track: StepTrack, length: StepLengthConfig, config: ReturnConfig) -> TurnBack | None:
+def find_turn_back(
+    trajectory: Trajectory, track: StepTrack, length: StepLengthConfig, config: ReturnConfig
+) -> TurnBack | None:
     """The first turn-back of a whole walk."""
     detector = TurnBackDetector(config.retraced_m, config.apart_m)
     walked = np.cumsum([level_length_m(step, length) for step in track.steps])
@@ -90,17 +92,17 @@ def find_turn_back(trajectory: Trajectory, track: StepTrack, length: StepLengthC
 
 
 def find_closures(
-    trajectory: Trajectory, track: StepTrack, length: StepLengthConfig, config: ReturnConfig
+    trajectory: Trajectory, track: StepTrack, turned: TurnBack | None, length: StepLengthConfig, config: ReturnConfig
 ) -> tuple[Closure, ...]:
     """Closures of a walk out and back; none if it does not turn back.
 
     Args:
         trajectory: an estimate of the walk, without closures.
         track: its steps.
+        turned: from ``find_turn_back``.
         length: as the steps were measured.
         config: of the matcher.
     """
-    turned = find_turn_back(trajectory, track, length, config)
     if turned is None:
         return ()
     steps = list(track.steps)

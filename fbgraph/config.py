@@ -193,10 +193,10 @@ class ReturnConfig(Section):
     """The way back: when it begins, and how it is matched to the way out."""
 
     at: str = "never"
-    """When the way back begins: never, auto (it is noticed), event (the device's button), or seconds since log start."""
+    """When the way back begins: never, auto (it is noticed), event (a button's) or seconds since log start."""
     out_and_back: bool = False
     """Of a whole log: look for a turn-back and tie the way back to the way out."""
-    retraced_m: Positive = 10.0
+    retraced_m: Positive = 12.0
     """How much must have been walked back before a turn-back is believed."""
     apart_m: Positive = 1.5
     """How far from the way out that may be, on average."""
@@ -236,7 +236,7 @@ class ReturnConfig(Section):
             except ValueError:
                 seconds = math.nan
             if not 0.0 <= seconds < math.inf:
-                raise ValueError("expected never, auto, event or seconds since log start")
+                raise ValueError("expected never, auto, event or seconds since log start (--return-at)")
         return text
 
 

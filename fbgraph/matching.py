@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbgraph.config import ReturnConfig, StepLengthConfig
-from fbgraph.geometry import FloatArray, wrap_angle, wrap_scalar
+from fbgraph.geometry import BoolArray, FloatArray, wrap_angle, wrap_scalar
 from fbgraph.steps import Step, flat_length_m
 from fbgraph.trajectory import Trajectory
 
@@ -242,7 +242,7 @@ class RouteMatcher:
         level_m: float,
         squared: FloatArray,
         aside: FloatArray,
-        back: FloatArray,
+        back: BoolArray,
         field_ut: tuple[float, float],
         altitude_m: float,
         place: float,
@@ -250,7 +250,7 @@ class RouteMatcher:
         """How well each place of the route explains the step, relative to the best; heavy-tailed throughout."""
         config = self._config
         log = place * _PLACE * _tailed(squared / (config.sigma_place_m**2 + self._var))
-        log += _TURN * (_tailed((aside / config.sigma_turn_rad) ** 2) - ~back.astype(bool))
+        log += _TURN * (_tailed((aside / config.sigma_turn_rad) ** 2) - ~back)
         share = min(level_m / _STEP_M, 1.5)
         up_ut, level_ut = field_ut[0] - self._up, field_ut[1] - self._level_shift_ut - self._level
         if math.isfinite(up_ut[0]):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fbgraph.checkpoints import Checkpoints
+from fbgraph.closures import find_closures, find_turn_back
 from fbgraph.config import Config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError
@@ -66,6 +67,22 @@ def reconstruct(
         ekf = run_ekf(track, config.ekf)
     with stage("smoother"):
         smoothed = smooth(track, ekf, config.graph, config.solver, anchors, log.t0_s, closed_walk)
+    turned = None
+    if config.returning.out_and_back:
+        with stage("closures"):
+            turned = find_turn_back(smoothed.trajectory, track, config.step_length, config.returning)
+            closures = find_closures(smoothed.trajectory, track, turned, config.step_length, config.returning)
+            if closures:
+                smoothed = smooth(
+                    track,
+                    smoothed.trajectory,
+                    config.graph,
+                    config.solver,
+                    anchors,
+                    log.t0_s,
+                    closed_walk,
+                    closures=closures,
+                )
     return WalkResult(
         log=log,
         config=config,
@@ -77,6 +94,7 @@ def reconstruct(
         anchors=anchors,
         closed_walk=closed_walk,
         seconds=seconds,
+        turn_back=turned,
     )
 
 

@@ -8,9 +8,11 @@ from fbgraph.attitude import LevelledSignals
 from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config
 from fbgraph.log import SensorLog
+from fbgraph.matching import ReturnUpdate
 from fbgraph.smoother import Smoothed
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
+from fbgraph.turnback import TurnBack
 
 ESTIMATORS = ("pdr", "ekf", "smoothed", "online")
 """Names of trajectories, in the order in which they are shown."""
@@ -31,6 +33,8 @@ class WalkResult:
         anchors: known places that entered the graph.
         closed_walk: whether the smoother was told that the walk ends where it began.
         seconds: wall time by stage.
+        turn_back: where the way out ended, if that is known.
+        returning: what was told at each step of the way back.
     """
 
     log: SensorLog
@@ -43,3 +47,5 @@ class WalkResult:
     anchors: Checkpoints | None = None
     closed_walk: bool = False
     seconds: dict[str, float] = field(default_factory=dict)
+    turn_back: TurnBack | None = None
+    returning: tuple[ReturnUpdate, ...] = ()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +17,14 @@ from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config, dump_toml, load_config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError, DataError
-from fbgraph.exports import check_run_folder, summarize, summary_markdown, write_tables
+from fbgraph.exports import RETURNS, check_run_folder, summarize, summary_markdown, write_tables
 from fbgraph.log import SensorLog, Stream
 from fbgraph.online import OnlineSmoother, Update
 from fbgraph.pdr import dead_reckon
 from fbgraph.readers.base import OPTIONAL_SENSORS
 from fbgraph.readers.live import LiveReader
 from fbgraph.result import WalkResult
+from fbgraph.returning import ReturnGuide
 from fbgraph.steps import detect_steps
 
 OnUpdate = Callable[[Update], None]
@@ -64,14 +67,15 @@ def replay(
         EstimationError: the solver failed.
     """
     check_run_folder(out)
-    smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk)
+    guide = ReturnGuide(config)
+    smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk, companion=guide)
     fed_until_s = 0.0
     for piece in pieces(log, chunk_s, speed, stop):
         for update in smoother.feed(piece):
             on_update(update)
         fed_until_s += chunk_s
     seen = log if not stop() else log.between(-np.inf, fed_until_s)
-    return _write(seen, smoother, out, config, truth, anchors, closed_walk, recording)
+    return _write(seen, smoother, guide, out, config, truth, anchors, closed_walk, recording)
 
 
 def live(
@@ -103,7 +107,8 @@ def live(
         EstimationError: the solver failed.
     """
     raw_path = out / RAW
-    reader, smoother = LiveReader(out.name), OnlineSmoother(config, closed_walk=closed_walk)
+    reader, guide = LiveReader(out.name), ReturnGuide(config)
+    smoother = OnlineSmoother(config, closed_walk=closed_walk, companion=guide)
     if resume:
         for line_block in _saved_lines(raw_path):
             smoother.feed(reader.push(line_block))
@@ -124,18 +129,23 @@ def live(
                 on_update(update)
     for update in smoother.feed(reader.finish()):
         on_update(update)
-    return _write(saved_log(raw_path), smoother, out, config, truth, None, closed_walk, recording)
+    return _write(saved_log(raw_path), smoother, guide, out, config, truth, None, closed_walk, recording)
 
 
-def resumed_config(out: Path) -> Config:
-    """The configuration with which the walk in ``out`` was begun.
+def resumed_config(out: Path, return_at: str | None = None) -> Config:
+    """The configuration with which the walk in ``out`` was begun, when the way back begins included.
+
+    Args:
+        out: the run folder.
+        return_at: overrules when the way back begins.
 
     Raises:
         ConfigError: there is no walk to resume.
     """
     if not (out / RAW).is_file() or not (out / "config.toml").is_file():
         raise ConfigError(f"--resume {out}: no {RAW} and config.toml there, so no walk to go on with")
-    return load_config(str(out / "config.toml"))
+    overrides = () if return_at is None else (f"returning.at={json.dumps(return_at)}",)
+    return load_config(str(out / "config.toml"), overrides)
 
 
 def saved_log(raw_path: Path) -> SensorLog:
@@ -187,6 +197,7 @@ def _saved_lines(raw_path: Path) -> Iterator[list[str]]:
 def _write(
     log: SensorLog,
     smoother: OnlineSmoother,
+    guide: ReturnGuide,
     out: Path,
     config: Config,
     truth: Checkpoints | None,
@@ -197,6 +208,7 @@ def _write(
     """The run folder: into a folder of its own first, then file by file into place, so that none is ever half there."""
     smoothed = smoother.finish()
     track, signals = detect_steps(log, config)
+    log = replace(log, notices=(*log.notices, *guide.warnings()))
     result = WalkResult(
         log=log,
         config=config,
@@ -212,9 +224,12 @@ def _write(
         truth=truth,
         anchors=anchors,
         closed_walk=closed_walk,
+        turn_back=guide.turn_back,
+        returning=tuple(guide.updates),
     )
     summary = summarize(result)
     out.mkdir(parents=True, exist_ok=True)
+    (out / RETURNS).unlink(missing_ok=True)  # of an earlier run
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
         write_tables(result, Path(folder))
         if recording:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -13,6 +13,7 @@ import numpy as np
 from gtsam.symbol_shorthand import B, X, Z
 
 from fbgraph.checkpoints import Checkpoints
+from fbgraph.closures import Closure, closure_factor
 from fbgraph.config import GraphConfig, SolverConfig
 from fbgraph.errors import EstimationError
 from fbgraph.geometry import FloatArray
@@ -34,6 +35,7 @@ class Smoothed:
         iterations: of Levenberg-Marquardt.
         error_initial, error_final: the graph's error (half the weighted sum of squares, robust).
         factors: number of factors in the graph.
+        closures: breadcrumbs tied to earlier ones.
     """
 
     trajectory: Trajectory
@@ -41,6 +43,7 @@ class Smoothed:
     error_initial: float
     error_final: float
     factors: int
+    closures: tuple[Closure, ...] = ()
 
 
 def smooth(
@@ -51,6 +54,8 @@ def smooth(
     anchors: Checkpoints | None = None,
     t0_s: float = 0.0,
     closed_walk: bool = False,
+    *,
+    closures: Sequence[Closure] = (),
 ) -> Smoothed:
     """Smooth a walk.
 
@@ -66,6 +71,8 @@ def smooth(
         EstimationError: the solver failed or its answer is not finite.
     """
     graph, values = build(track, seed, graph_config, anchors, t0_s, closed_walk)
+    for closure in closures:
+        graph.push_back(closure_factor(closure))
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(solver_config.max_iterations)
     params.setRelativeErrorTol(solver_config.relative_error)
@@ -91,6 +98,7 @@ def smooth(
         error_initial=error_initial,
         error_final=error_final,
         factors=graph.size(),
+        closures=tuple(closures),
     )
 
 

@@ -14,6 +14,8 @@ _SLACK_M = 3.0  # steps lost, or made on the spot, while turning
 _FLOOR_M = 1.2  # a landing of a staircase turns back too, but the flights are not at one height
 _REVERSED_RAD = math.radians(50.0)
 _REVERSED_SHARE = 0.85
+_YAW_M = 1.5  # a radian counts like so many metres
+_LATELY_M, _LATELY_RAD = 2.5, math.radians(30.0)
 _LATE_M, _LATE_LEAST_M = 15.0, 1.2
 
 
@@ -125,10 +127,18 @@ def _apart_m(table: FloatArray, turned: int, back_m: float, reach: float) -> flo
     after = walked[turned] + np.arange(min(_GRID_M, back_m), back_m + 1e-9, _GRID_M)
     before = walked[turned] - np.arange(0.0, min(back_m + _SLACK_M, walked[turned] - walked[0]) + 1e-9, _GRID_M)
     back, there = (np.array([np.interp(at, walked, c) for c in table[:, :4].T]) for at in (after, before))
+    off = np.abs(wrap_angle(back[3][:, None] - there[3] - np.pi))
     apart = np.hypot(back[0][:, None] - there[0], back[1][:, None] - there[1])
-    nearest = apart.argmin(axis=1)
-    off = np.abs(wrap_angle(back[3] - there[3][nearest] - np.pi))
-    climbed = np.abs(back[2] - there[2][nearest])
-    retraced = walked[turned] - before[nearest[-1]] >= reach * back_m
-    reversed_ = (off < _REVERSED_RAD).mean() >= _REVERSED_SHARE and float(np.median(climbed)) < _FLOOR_M
-    return float(apart.min(axis=1).mean()) if retraced and reversed_ else math.inf
+    apart[np.abs((after - walked[turned])[:, None] - (walked[turned] - before)) > _SLACK_M] = np.inf
+    nearest = np.hypot(apart, _YAW_M * off).argmin(axis=1)
+    each = np.arange(len(nearest))
+    apart_m, off, climbed = apart[each, nearest], off[each, nearest], np.abs(back[2] - there[2][nearest])
+    late = slice(-round(_LATELY_M / _GRID_M), None)
+    leads_back = (
+        walked[turned] - before[nearest[-1]] >= reach * back_m
+        and (off < _REVERSED_RAD).mean() >= _REVERSED_SHARE
+        and off[late].mean() < _LATELY_RAD
+        and climbed[late].mean() < _FLOOR_M
+    )
+    # at its end above all: who leaves the way out has not turned back
+    return float(max(apart_m.mean(), apart_m[late].mean() / 1.5)) if leads_back else math.inf

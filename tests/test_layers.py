@@ -9,8 +9,8 @@ PACKAGE = Path(__file__).parents[1] / "fbgraph"
 LAYERS = {
     0: {"errors", "config", "geometry", "log", "checkpoints", "trajectory", "palette"},
     1: {"readers", "simulate", "routes", "gait", "attitude", "rests", "steps", "field", "sources"},
-    2: {"pdr", "ekf", "graph", "smoother", "online", "closures", "result"},
-    3: {"metrics", "guidance", "exports", "recording", "rrd", "blueprint", "live_view"},
+    2: {"pdr", "ekf", "graph", "smoother", "online", "closures", "turnback", "matching", "result"},
+    3: {"metrics", "guidance", "returning", "exports", "recording", "rrd", "blueprint", "live_view"},
     4: {"pipeline", "session", "batch", "study", "cli"},
 }
 LEVEL = {room: level for level, rooms in LAYERS.items() for room in rooms}
