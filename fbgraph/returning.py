@@ -31,6 +31,7 @@ class ReturnGuide:
     Attributes:
         updates: what was told at each step of the way back.
         turn_back: the end of the way out; None until it is known.
+        outbound: the way out; None until it is known where it ended.
         closures: matches that were good enough for the graph.
     """
 
@@ -56,6 +57,7 @@ class ReturnGuide:
         self.updates: list[ReturnUpdate] = []
         self.closures: list[Closure] = []
         self.turn_back: TurnBack | None = None
+        self.outbound: Outbound | None = None
 
     def note(self, events: Iterable[Event]) -> None:
         """Take events of the log, not later than the steps that come after them."""
@@ -111,10 +113,10 @@ class ReturnGuide:
             last = reversal(xyz_m[:k], known.yaw_rad[:k], walked[:k], self._config.apart_m)
             self.turn_back = TurnBack(max(last, 1), float(known.t_s[max(last, 1)]), step.t_s)
         turned = self.turn_back.breadcrumb
-        self._outbound = Outbound.of(known, self._steps, self._length, turned)
-        self._turns = _turns_back(known, turned, self._outbound)
-        self._matcher = RouteMatcher(self._outbound, self._config)
-        self._maker = ClosureMaker(self._outbound, self._config)
+        self.outbound = outbound = Outbound.of(known, self._steps, self._length, turned)
+        self._turns = _turns_back(known, turned, outbound)
+        self._matcher = RouteMatcher(outbound, self._config)
+        self._maker = ClosureMaker(outbound, self._config)
         found: list[Closure] = []
         for j in range(turned + 1, k + 1):
             self._yaws[j] = float(known.yaw_rad[j])
@@ -145,12 +147,14 @@ class ReturnGuide:
         words = instruction(match, turn, remaining_m, self._wrong_way_m, arrived)
         if self._arrived and not arrived:
             words = ""  # nothing more to say
+        outbound = self.outbound
+        assert outbound is not None  # the way back has begun
         return ReturnUpdate(
             t_s=step.t_s,
             k=k,
             breadcrumb=match.breadcrumb,
-            breadcrumb_t_s=float(self._outbound.t_s[match.breadcrumb]),
-            route_m=float(self._outbound.route_m[match.breadcrumb]),
+            breadcrumb_t_s=float(outbound.t_s[match.breadcrumb]),
+            route_m=float(outbound.route_m[match.breadcrumb]),
             remaining_m=remaining_m,
             cross_track_m=match.cross_m,
             next_turn_m=None if turn is None else remaining_m - turn[0],
