@@ -69,7 +69,9 @@ class ClosureMaker:
         """The closure of breadcrumb ``k``, if its match is good enough and the last one is some way back."""
         config = self._config
         self._since_m += length_m
-        if match.steady_m < config.closure_steady_m or self._since_m < config.closure_every_m:
+        away_m = float(self._outbound.route_m[-1]) - match.route_m
+        steady = match.steady_m >= config.closure_steady_m and away_m >= config.closure_away_m
+        if not steady or self._since_m < config.closure_every_m:
             return None
         self._since_m = 0.0
         along_m = match.route_m - float(self._outbound.route_m[match.breadcrumb])

@@ -216,13 +216,15 @@ class ReturnConfig(Section):
     """Altitude against that of the way out."""
     sigma_step_rel: Positive = 0.15
     """Length of a step against the same stretch on the way out."""
-    arrived_m: Positive = 2.5
-    """Who has no more than this left has arrived."""
+    arrived_m: Positive = 3.5
+    """Who has no more than this left, some five steps, has arrived."""
     closure_doubt_m: Positive = 0.8
     """A match that may be further off than this (one sigma) never enters the graph."""
     closure_steady_m: Positive = 4.0
     """Nor one before the route has been followed for so long."""
     closure_every_m: Positive = 3.0
+    closure_away_m: NonNegative = 8.0
+    """Nor one this close to the turn-back, where nobody knows what milling about did to the distance."""
     closure_sigma_m: Positive = 0.7
     """How near the way back is to the way out, besides the doubt of the match."""
 

@@ -193,9 +193,8 @@ class RouteMatcher:
         self._along_m = self._along_m + length_m if along else 0.0
         if self._off:
             self._off = self._along_m < _ALONG_M
-        elif local_m > bound_m:
-            elsewhere = squared[aside < _ALONG_RAD]
-            self._off = len(elsewhere) == 0 or float(elsewhere.min()) > bound_m**2
+        else:
+            self._off = local_m > bound_m
         steady = along and bool(back[at]) and not lost and sigma_m < config.closure_doubt_m
         self._steady_m = self._steady_m + length_m if steady else 0.0
         if not lost and not self._off:

@@ -118,10 +118,11 @@ def baseline_errors(
     return np.array(errors)
 
 
-def wrong_closures(closures: list[Closure], track: StepTrack, t_s: np.ndarray, pairs: list[tuple[int, int]]) -> int:
+def wrong_closures(
+    closures: list[Closure], track: StepTrack, walked: np.ndarray, t_s: np.ndarray, pairs: list[tuple[int, int]]
+) -> int:
     """How many lie more than 3 m apart, along the checkpoints: walked distance between them tells the place."""
     turned = pairs[0][0]
-    walked = np.cumsum(track.length_m)
     place_m = np.interp(t_s[: turned + 1], track.t_s, walked)  # of the checkpoints of the way out
     knots_m = np.interp(t_s[[later for _, later in pairs]], track.t_s, walked)
     values_m = place_m[[earlier for earlier, _ in pairs]]
@@ -172,7 +173,7 @@ def real(data: Path) -> dict[str, list[float]]:
             walked = np.cumsum(auto.track.length_m)
             away_m = abs(np.interp(t_s[home[0]], auto.track.t_s, walked) - walked[arrived[0][1].k])
         found["arrived_m"].append(away_m)
-        wrong = wrong_closures(auto.guide.closures, auto.track, t_s, pairs)
+        wrong = wrong_closures(auto.guide.closures, auto.track, np.cumsum(level), t_s, pairs)
         found["closures"].append(len(auto.guide.closures))
         found["wrong"].append(wrong)
         print(
