@@ -75,7 +75,7 @@ def reconstruct(
             if closures:
                 smoothed = smooth(
                     track,
-                    smoothed.trajectory,
+                    ekf,
                     config.graph,
                     config.solver,
                     anchors,

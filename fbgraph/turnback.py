@@ -70,8 +70,8 @@ class TurnBackDetector:
         turned = self._index(crumb.walked_m - need_m)
         if turned < 1 or crumbs[turned].walked_m < need_m:
             return None
-        before = self._index(crumbs[turned].walked_m - need_m)
-        if math.cos(crumb.yaw_rad - crumbs[before].yaw_rad) > 0.0:
+        mirrored = (self._index(crumbs[turned].walked_m - need_m - slack_m) for slack_m in (-_SLACK_M, 0.0, _SLACK_M))
+        if all(math.cos(crumb.yaw_rad - crumbs[max(k, 0)].yaw_rad) > 0.0 for k in mirrored):
             return None  # the common case, cheaply
         first = max(self._index(crumbs[turned].walked_m - need_m - _SLACK_M), 0)
         recent = np.array([(c.t_s, c.x_m, c.y_m, c.z_m, c.yaw_rad, c.walked_m) for c in crumbs[first:]])
