@@ -107,8 +107,9 @@ def smooth(
     anchors: AnchorsOption = None,
     closed_loop: ClosedLoopOption = False,
     out_and_back: Annotated[
-        bool, typer.Option("--out-and-back", help="Look for a turn-back; tie the way back to the way out.")
-    ] = False,
+        bool,
+        typer.Option("--out-and-back/--no-out-and-back", help="Look for a turn-back; tie the way back to the way out."),
+    ] = True,
     no_recording: NoRecordingOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -118,7 +119,7 @@ def smooth(
     from fbgraph.pipeline import reconstruct, write_run
     from fbgraph.readers import preset, read_log
 
-    set_ = [*(set_ or ()), *(["returning.out_and_back=true"] if out_and_back else ())]
+    set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
     load_config(config, set_)  # a wrong option is told before a long log is read
     known = None if truth is None else read_checkpoints(truth)
     anchored = None if anchors is None else read_checkpoints(anchors)

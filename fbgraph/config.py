@@ -194,7 +194,7 @@ class ReturnConfig(Section):
 
     at: str = "never"
     """When the way back begins: never, auto (it is noticed), event (a button's) or seconds since log start."""
-    out_and_back: bool = False
+    out_and_back: bool = True
     """Of a whole log: look for a turn-back and tie the way back to the way out."""
     retraced_m: Positive = 12.0
     """How much must have been walked back before a turn-back is believed."""

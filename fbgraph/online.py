@@ -26,7 +26,7 @@ from fbgraph.geometry import wrap_scalar
 from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factor, anchor_sigma, closed_walk_factor
 from fbgraph.log import Event, SensorLog
 from fbgraph.matching import ReturnUpdate
-from fbgraph.smoother import Smoothed, on_deep_stack, smooth, trajectory_of
+from fbgraph.smoother import Smoothed, on_deep_stack, smooth, tie_way_back, trajectory_of
 from fbgraph.steps import FrontEnd, Step, StepTrack
 from fbgraph.trajectory import Trajectory
 
@@ -158,10 +158,19 @@ class OnlineSmoother:
     def finish(self) -> Smoothed:
         """Take what was held back, then smooth the whole walk.
 
+        Its closures are those of the companion; without any, a way back is looked for as in the batch smoother.
+
         Raises:
             DataError: no step in the samples.
             EstimationError: the solver failed.
         """
+        smoothed = self._finish()
+        if self._config.returning.out_and_back and not self._closures:
+            known = (self._config, self._anchors, self._t0_s, self._closed_walk)
+            smoothed, _ = tie_way_back(smoothed, self.track, self.estimate(), *known)
+        return smoothed
+
+    def _finish(self) -> Smoothed:
         self._advance(self._front_end.finish()[0])
         self._require_steps()
         self._refresh()

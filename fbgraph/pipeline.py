@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fbgraph.checkpoints import Checkpoints
-from fbgraph.closures import find_closures, find_turn_back
 from fbgraph.config import Config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError
@@ -17,7 +16,7 @@ from fbgraph.exports import run_folder, summarize, summary_markdown, write_table
 from fbgraph.log import SensorLog
 from fbgraph.pdr import dead_reckon
 from fbgraph.result import WalkResult
-from fbgraph.smoother import smooth
+from fbgraph.smoother import smooth, tie_way_back
 from fbgraph.steps import detect_steps
 
 if TYPE_CHECKING:
@@ -70,19 +69,7 @@ def reconstruct(
     turned = None
     if config.returning.out_and_back:
         with stage("closures"):
-            turned = find_turn_back(smoothed.trajectory, track, config.step_length, config.returning)
-            closures = find_closures(smoothed.trajectory, track, turned, config.step_length, config.returning)
-            if closures:
-                smoothed = smooth(
-                    track,
-                    ekf,
-                    config.graph,
-                    config.solver,
-                    anchors,
-                    log.t0_s,
-                    closed_walk,
-                    closures=closures,
-                )
+            smoothed, turned = tie_way_back(smoothed, track, ekf, config, anchors, log.t0_s, closed_walk)
     return WalkResult(
         log=log,
         config=config,
