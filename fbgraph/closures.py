@@ -11,7 +11,7 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from fbgraph.config import ReturnConfig, StepLengthConfig
-from fbgraph.matching import Match, Outbound, RouteMatcher, field_of, level_length_m
+from fbgraph.matching import Match, Outbound, RouteMatcher, field_of, gap_before_s, level_length_m
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
 from fbgraph.turnback import Crumb, TurnBack, TurnBackDetector
@@ -114,7 +114,8 @@ def find_closures(
     for k in range(turned.breadcrumb + 1, len(steps)):
         step = steps[k]
         level_m = level_length_m(step, length)
-        match = matcher.advance(step.length_m, level_m, float(trajectory.yaw_rad[k]), field_of(step), step.altitude_m)
+        yaw_rad, gap_s = float(trajectory.yaw_rad[k]), gap_before_s(steps, k)
+        match = matcher.advance(step.length_m, level_m, yaw_rad, field_of(step), step.altitude_m, gap_s)
         closure = maker.advance(k, step.length_m, match)
         if closure is not None:
             found.append(closure)

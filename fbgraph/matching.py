@@ -14,16 +14,17 @@ in its direction, may be where it is met again.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fbgraph.config import ReturnConfig, StepLengthConfig
-from fbgraph.geometry import BoolArray, FloatArray, wrap_angle, wrap_scalar
+from fbgraph.geometry import BoolArray, FloatArray, wrap_scalar
 from fbgraph.steps import Step, flat_length_m
 from fbgraph.trajectory import Trajectory
 
-_BIN_M, _MOST_BINS = 0.25, 4000
+_BIN_M, _MOST_BINS = 0.25, 2000
 _SIDE_M = 1.0  # the direction of the route at a place is that over this distance to either side
 _PEAK_M = 3.0  # the match is read out within this distance of the belief's peak
 _STEP_M = 0.65
@@ -31,6 +32,7 @@ _STEP_M = 0.65
 _PLACE, _TURN, _MAG, _LEVEL, _ALTITUDE = 0.15, 0.3, 0.5, 0.25, 0.2
 _FORGET = 0.05  # of the device's own horizontal field, a step
 _JUMP, _JUMP_STEPS = 0.07, 1.0  # steps missed or counted twice: share, and how far in steps
+_GAP_M_S, _GAP_MOST_M = 1.0, 20.0  # where the log is silent
 _ANYWHERE = 0.03  # once lost, a step's chance to be anywhere near
 _ALONG_RAD = math.radians(50.0)
 _ALONG_M = 2.5  # walked along the route before it counts as met again
@@ -87,6 +89,11 @@ def level_length_m(step: Step, length: StepLengthConfig) -> float:
     return max(flat_length_m(length, step.frequency_hz, step.bounce_m_s2), length.shortest_m)
 
 
+def gap_before_s(steps: Sequence[Step], k: int) -> float:
+    """How long the log was silent between step k and the one before it."""
+    return 0.0 if steps[k].chained else steps[k].t_s - steps[k - 1].t_s
+
+
 @dataclass(frozen=True, slots=True)
 class Match:
     """Where the wearer is along the route.
@@ -134,10 +141,9 @@ class RouteMatcher:
             for values in (outbound.mag_up_ut, outbound.mag_level_ut, outbound.altitude_m)
         )
         ahead, behind = np.minimum(seen + _SIDE_M, total), np.maximum(np.minimum(seen, total) - _SIDE_M, 0.0)
-        self._yaw = np.arctan2(
-            np.interp(ahead, at, outbound.y_m) - np.interp(behind, at, outbound.y_m),
-            np.interp(ahead, at, outbound.x_m) - np.interp(behind, at, outbound.x_m),
-        )
+        along = [np.interp(ahead, at, axis) - np.interp(behind, at, axis) for axis in (outbound.x_m, outbound.y_m)]
+        length = np.maximum(np.hypot(*along), 1e-6)
+        self._cos, self._sin = along[0] / length, along[1] / length
         belief = np.exp(-0.5 * ((self._grid - total) / 1.0) ** 2)
         self._belief: FloatArray = belief / belief.sum()
         self._px, self._py = float(self._x[-1]), float(self._y[-1])
@@ -147,7 +153,13 @@ class RouteMatcher:
         self._level_shift_ut = 0.0
 
     def advance(
-        self, length_m: float, level_m: float, yaw_rad: float, field_ut: tuple[float, float], altitude_m: float
+        self,
+        length_m: float,
+        level_m: float,
+        yaw_rad: float,
+        field_ut: tuple[float, float],
+        altitude_m: float,
+        gap_s: float = 0.0,
     ) -> Match:
         """Take the next step.
 
@@ -157,18 +169,21 @@ class RouteMatcher:
             yaw_rad: its direction.
             field_ut: as by ``field_of``; nan if not known.
             altitude_m: barometric; nan if not known.
+            gap_s: how long the log was silent before the step.
         """
+        if gap_s > 0.0:
+            self._spread(min(_GAP_M_S * gap_s, _GAP_MOST_M))
         config = self._config
-        turn = np.abs(wrap_angle(yaw_rad - self._yaw))
-        back = turn > 0.5 * math.pi
-        aside = np.where(back, math.pi - turn, turn)
+        cosine = math.cos(yaw_rad) * self._cos + math.sin(yaw_rad) * self._sin
+        back = cosine < 0.0
+        aside = np.arccos(np.minimum(np.abs(cosine), 1.0))
         self._px += length_m * math.cos(yaw_rad)
         self._py += length_m * math.sin(yaw_rad)
         self._var += config.drift_m**2 * length_m
         squared = (self._px - self._x) ** 2 + (self._py - self._y) ** 2
         bound_m = config.corridor_m + 2.0 * math.sqrt(self._var)
 
-        belief = self._predicted(level_m, turn)
+        belief = self._predicted(level_m, cosine)
         before = int(np.argmax(belief))
         reach = int(_PEAK_M / self._bin_m)
         lost = self._off or math.sqrt(float(squared[max(before - reach, 0) : before + reach + 1].min())) > bound_m
@@ -186,7 +201,7 @@ class RouteMatcher:
         at_m = float(weight @ self._grid[lo:hi]) / mass
         sigma_m = math.sqrt(float(weight @ (self._grid[lo:hi] - at_m) ** 2) / mass) + (1.0 - mass) * _PEAK_M
         at = min(round(at_m / self._bin_m), len(self._grid) - 1)
-        dx, dy, route_yaw = self._px - float(self._x[at]), self._py - float(self._y[at]), float(self._yaw[at])
+        dx, dy = self._px - float(self._x[at]), self._py - float(self._y[at])
 
         local_m = math.sqrt(float(squared[lo:hi].min()))
         along = aside[at] < _ALONG_RAD and local_m < config.corridor_m + math.sqrt(self._var)
@@ -208,7 +223,7 @@ class RouteMatcher:
         route_m = float(np.interp(at_m, self._grid, self._route))
         closest = lo + int(np.argmin(squared[lo:hi])) if not self._off else int(np.argmin(squared))
         to_route = math.atan2(float(self._y[closest]) - self._py, float(self._x[closest]) - self._px)
-        cross_m = dx * math.sin(route_yaw) - dy * math.cos(route_yaw)
+        cross_m = dx * float(self._sin[at]) - dy * float(self._cos[at])
         if self._off:  # as far as the nearest place of it, on the same side
             cross_m = math.copysign(math.sqrt(float(squared[closest])), cross_m)
         return Match(
@@ -222,10 +237,17 @@ class RouteMatcher:
             steady_m=self._steady_m,
         )
 
-    def _predicted(self, level_m: float, turn: FloatArray) -> FloatArray:
+    def _spread(self, sigma_m: float) -> None:
+        """Nobody knows how far the wearer went meanwhile."""
+        reach = int(3.0 * sigma_m / self._bin_m) + 1
+        kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * self._bin_m / sigma_m) ** 2)
+        self._belief = np.convolve(self._belief, kernel / kernel.sum())[reach : reach + len(self._grid)]
+        self._var += sigma_m**2
+
+    def _predicted(self, level_m: float, cosine: FloatArray) -> FloatArray:
         """The belief moved by a step, along the route as far as it leads along the route."""
         count = len(self._grid)
-        moved = self._grid + level_m * np.clip(1.2 * np.cos(turn), -1.0, 1.0)
+        moved = self._grid + level_m * np.clip(1.2 * cosine, -1.0, 1.0)
         cell = np.clip(moved / self._bin_m, 0.0, count - 1.0)
         low = cell.astype(np.int64)
         upper = self._belief * (cell - low)

@@ -12,7 +12,7 @@ from fbgraph.closures import Closure, ClosureMaker
 from fbgraph.config import Config
 from fbgraph.guidance import Turn, find_turns
 from fbgraph.log import Event
-from fbgraph.matching import Match, Outbound, ReturnUpdate, RouteMatcher, field_of, level_length_m
+from fbgraph.matching import Match, Outbound, ReturnUpdate, RouteMatcher, field_of, gap_before_s, level_length_m
 from fbgraph.online import Update
 from fbgraph.steps import Step
 from fbgraph.trajectory import Trajectory
@@ -127,7 +127,8 @@ class ReturnGuide:
         assert self._matcher is not None  # the way back has begun
         step, yaw_rad = self._steps[k], self._yaws[k]
         level_m = level_length_m(step, self._length)
-        match = self._matcher.advance(step.length_m, level_m, yaw_rad, field_of(step), step.altitude_m)
+        gap_s = gap_before_s(self._steps, k)
+        match = self._matcher.advance(step.length_m, level_m, yaw_rad, field_of(step), step.altitude_m, gap_s)
         wrong_way = not match.facing_back and not match.off_route
         self._wrong_way_m = self._wrong_way_m + step.length_m if wrong_way else 0.0
         if tell:

@@ -117,7 +117,7 @@ def live(
         out.mkdir(parents=True, exist_ok=True)
         for name in os.listdir(out):
             (out / name).unlink()
-        (out / "config.toml").write_text(dump_toml(config), "utf-8")
+    (out / "config.toml").write_text(dump_toml(config), "utf-8")
     rest = b""
     with open(raw_path, "ab", buffering=0) as raw:
         for data in source:

@@ -20,7 +20,7 @@ from fbgraph.closures import Closure
 from fbgraph.config import Config, load_config
 from fbgraph.gait import Walker
 from fbgraph.log import SensorLog
-from fbgraph.matching import Outbound, ReturnUpdate, RouteMatcher, field_of, level_length_m
+from fbgraph.matching import Outbound, ReturnUpdate, RouteMatcher, level_length_m
 from fbgraph.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
@@ -44,15 +44,15 @@ class Returned:
     track: StepTrack
 
 
-def follow(log: SensorLog, config: Config, at: str) -> Returned:
+def follow(log: SensorLog, config: Config, at: str, piece_s: float = PIECE_S) -> Returned:
     """Feed a log in small pieces."""
     guide = ReturnGuide(config.model_copy(update={"returning": config.returning.model_copy(update={"at": at})}))
     smoother = OnlineSmoother(config, companion=guide)
     rows = []
-    for start_s in np.arange(0.0, log.duration_s + PIECE_S, PIECE_S):
-        for update in smoother.feed(log.between(start_s if start_s else -np.inf, start_s + PIECE_S)):
+    for start_s in np.arange(0.0, log.duration_s + piece_s, piece_s):
+        for update in smoother.feed(log.between(start_s if start_s else -np.inf, start_s + piece_s)):
             if update.returning is not None:
-                rows.append((start_s + PIECE_S, update.returning))
+                rows.append((start_s + piece_s, update.returning))
     return Returned(rows, guide, smoother.track)
 
 
@@ -130,66 +130,98 @@ def wrong_closures(
     return int((np.abs(away) > WRONG_M).sum()) if closures else 0
 
 
-def real(data: Path) -> dict[str, list[float]]:
-    """Both tables of the logs of ipin2023; returns what tests assert."""
-    found: dict[str, list[float]] = {
-        name: [] for name in ("manual", "auto", "ekf", "pdr", "turn_s", "delay_s", "arrived_m", "closures", "wrong")
-    }
-    print(
-        "| log | mean / max return error: told at the turn | auto | EKF, position | PDR, position | turn-back off by "
-        "| known after walking back | arrival announced | closures, wrong |\n|---|---|---|---|---|---|---|---|---|"
+@dataclass(frozen=True)
+class RealReturn:
+    """A log of a walk out and back, scored; metres and seconds.
+
+    ``told``, ``auto``: return errors, told of the turn at its checkpoint or not; ``turn_off_s``: noticed turn-back
+    against the pause at the turn; ``delay_s``: until it was known, from the end of that pause; ``arrived_m``: between
+    where the wearer was when arrival was announced and the first checkpoint, as walked.
+    """
+
+    told: np.ndarray
+    auto: np.ndarray
+    turn_off_s: float
+    delay_s: float
+    arrived_m: float
+    off_route: int
+    closures: int
+    wrong: int
+
+
+def real_return(
+    log: SensorLog, xy_m: np.ndarray, t_s: np.ndarray, config: Config, piece_s: float = PIECE_S
+) -> RealReturn:
+    """Follow a log's way back, told and by itself; ``t_s`` are the checkpoints' times on the log's clock."""
+    turned, pairs = repeats(xy_m)
+    told, auto = (follow(log, config, at, piece_s) for at in (f"{t_s[turned]:.3f}", "auto"))
+    back = auto.guide.turn_back
+    assert back is not None, "no turn-back noticed"
+    arrived = [(seen_s, row) for seen_s, row in auto.rows if row.arrived]
+    assert len(arrived) <= 1
+    home = next(later for earlier, later in pairs if earlier == 0)
+    track = auto.track
+    walked = np.cumsum(track.length_m)
+    home_m = float(np.interp(t_s[home], track.t_s, walked))
+    level = np.array([level_length_m(step, config.step_length) for step in track.steps])
+    return RealReturn(
+        told=return_errors(told, t_s, pairs),
+        auto=return_errors(auto, t_s, pairs),
+        turn_off_s=float(max(t_s[turned] - back.t_s, back.t_s - t_s[turned + 1], 0.0)),
+        delay_s=float(back.known_s - t_s[turned + 1]),
+        arrived_m=abs(home_m - walked[arrived[0][1].k]) if arrived else np.nan,
+        off_route=sum(row.off_route for _, row in (*told.rows, *auto.rows)),
+        closures=len(auto.guide.closures),
+        wrong=wrong_closures(auto.guide.closures, track, np.cumsum(level), t_s, pairs),
     )
+
+
+def real(data: Path) -> None:
+    """The logs of ipin2023, beside dead reckoning and the EKF."""
+    print(
+        "| log, return error mean / max, m | told at the turn | by itself | EKF, by position | PDR, by position "
+        "| turn-back off by | known after | arrival announced | off-route rows | closures, wrong |\n"
+        + "|---" * 10
+        + "|"
+    )
+    walks: list[RealReturn] = []
+    others: list[list[float]] = [[], []]
     for path in sorted((data / "ipin2023").glob("*.gz")):
         log_file = read_log(path)
         log, truth, config = log_file.log, log_file.truth, load_config(preset(log_file.log.format))
         assert truth is not None
         t_s = truth.t_s - log.t0_s
+        walk = real_return(log, truth.xy_m, t_s, config)
+        walks.append(walk)
         turned, pairs = repeats(truth.xy_m)
-        at_s = float(t_s[turned])
-        manual, auto = follow(log, config, f"{at_s:.3f}"), follow(log, config, "auto")
-        errors = [return_errors(manual, t_s, pairs), return_errors(auto, t_s, pairs)]
         result = reconstruct(log, config)
         level = np.array([level_length_m(s, config.step_length) for s in result.track.steps])
         constant = np.where(level > 0, config.step_length.constant_m, 0.0)
-        for name, length_m in (("ekf", level), ("pdr", constant)):
-            rows, outbound = by_position(result.trajectories[name], result.track, config, at_s, length_m)
+        errors = [walk.told, walk.auto]
+        for i, (name, length_m) in enumerate((("ekf", level), ("pdr", constant))):
+            rows, outbound = by_position(result.trajectories[name], result.track, config, t_s[turned], length_m)
             errors.append(baseline_errors(rows, outbound, t_s, pairs))
+            others[i] += errors[-1].tolist()
         cells = []
-        for name, error in zip(("manual", "auto", "ekf", "pdr"), errors, strict=True):
+        for error in errors:
             known = error[np.isfinite(error)]
-            found[name] += known.tolist()
-            unknown = f" ({len(error) - len(known)} before)" if len(known) < len(error) else ""
-            cells.append(f"{known.mean():.2f} / {known.max():.1f}{unknown}")
-        back = auto.guide.turn_back
-        assert back is not None
-        off_s = max(t_s[turned] - back.t_s, back.t_s - t_s[turned + 1], 0.0)  # somewhere in the pause
-        delay_s = back.known_s - t_s[turned + 1]
-        found["turn_s"].append(off_s)
-        found["delay_s"].append(delay_s)
-        arrived = [(seen_s, row) for seen_s, row in auto.rows if row.arrived]
-        away_m = np.nan
-        home = [later for earlier, later in pairs if earlier == 0]
-        if arrived and home:  # how far was it still to walk, or was it already passed
-            walked = np.cumsum(auto.track.length_m)
-            away_m = abs(np.interp(t_s[home[0]], auto.track.t_s, walked) - walked[arrived[0][1].k])
-        found["arrived_m"].append(away_m)
-        wrong = wrong_closures(auto.guide.closures, auto.track, np.cumsum(level), t_s, pairs)
-        found["closures"].append(len(auto.guide.closures))
-        found["wrong"].append(wrong)
+            before = f" ({len(error) - len(known)} before it knew)" if len(known) < len(error) else ""
+            cells.append(f"{known.mean():.2f} / {known.max():.1f}{before}")
         print(
-            f"| {path.name.removesuffix('.txt.gz')} | {' | '.join(cells)} | {off_s:.1f} s | {delay_s:.1f} s "
-            f"| {away_m:.1f} m before the start | {len(auto.guide.closures)}, {wrong} |",
+            f"| {path.name.removesuffix('.txt.gz')} | {' | '.join(cells)} | {walk.turn_off_s:.1f} s "
+            f"| {walk.delay_s:.1f} s | at {walk.arrived_m:.1f} m | {walk.off_route} | {walk.closures}, {walk.wrong} |",
             flush=True,
         )
+    all_told, all_auto = (np.concatenate([getattr(w, n) for w in walks]) for n in ("told", "auto"))
     means = [
-        f"{np.mean(found[n]):.2f}; p95 {np.percentile(found[n], 95):.1f}" for n in ("manual", "auto", "ekf", "pdr")
+        f"{np.mean(e):.2f}, p95 {np.percentile(e, 95):.1f}"
+        for e in (all_told, all_auto[np.isfinite(all_auto)], *others)
     ]
-    total = f"{sum(found['closures']):.0f}, {sum(found['wrong']):.0f}"
     print(
-        f"| all | {' | '.join(means)} | max {max(found['turn_s']):.1f} s | max {max(found['delay_s']):.1f} s "
-        f"| max {np.nanmax(found['arrived_m']):.1f} m | {total} |"
+        f"| all | {' | '.join(means)} | max {max(w.turn_off_s for w in walks):.1f} s "
+        f"| max {max(w.delay_s for w in walks):.1f} s | max {max(w.arrived_m for w in walks):.1f} m "
+        f"| {sum(w.off_route for w in walks)} | {sum(w.closures for w in walks)}, {sum(w.wrong for w in walks)} |"
     )
-    return found
 
 
 def no_way_back(data: Path) -> None:
@@ -204,10 +236,16 @@ def no_way_back(data: Path) -> None:
         rows.append((back is not None, retraced_m(truth.xy_m)))
     noticed, retraced = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
     print(
-        f"\nindoor-location, {len(rows)} walks, auto: {int(noticed.sum())} turn-backs noticed; {(retraced >= 12).sum()} "
-        f"walks go back over 12 m or more of their own way by the waypoints, {int((noticed & (retraced >= 12)).sum())} "
-        f"of them noticed; {int((noticed & (retraced < 7)).sum())} noticed on walks that go back over less than 7 m, "
-        f"{int((noticed & (retraced >= 7) & (retraced < 12)).sum())} on those between"
+        f"\nindoor-location, {len(rows)} walks, by itself: {noticed.sum()} turn-backs noticed. "
+        "How far the walks go back over their own way, by the waypoints: "
+        + "; ".join(
+            f"{text}: {of.sum()} walks, {(noticed & of).sum()} noticed"
+            for text, of in (
+                ("12 m or more", retraced >= 12),
+                ("7 to 12 m", (retraced >= 7) & (retraced < 12)),
+                ("less", retraced < 7),
+            )
+        )
     )
     for name in ("straight", "square", "eight", "obstacle"):
         seeds = range(25)
@@ -324,10 +362,14 @@ def simulated_return(seed: int, detour: bool, at: str = "turn") -> SimulatedRetu
 def simulated(count: int) -> None:
     print(
         f"\n| {count} simulated walks | mean return error | p95 | false off-route rows (walks) | detour flagged after "
-        "| on the route again after | arrival announced | not announced | closures, wrong |\n|---|---|---|---|---|---|---|---|---|"
+        "| on the route again after | arrival announced | not announced | closures, wrong |\n" + "|---" * 9 + "|"
     )
-    for detour in (False, True):
-        walks = [simulated_return(seed, detour) for seed in range(count)]
+    for name, detour, at in (
+        ("out and back", False, "turn"),
+        ("out and back, turn noticed", False, "auto"),
+        ("with a 20 m detour", True, "turn"),
+    ):
+        walks = [simulated_return(seed, detour, at) for seed in range(count)]
         error = np.concatenate([w.error_m for w in walks])
         false = [w.false_off for w in walks]
         arrived = np.array([w.arrived_m for w in walks])
@@ -335,7 +377,7 @@ def simulated(count: int) -> None:
         flagged = max(w.flagged_after_m for w in walks)
         back = max(w.back_after_m for w in walks)
         print(
-            f"| {'with a 20 m detour' if detour else 'out and back'} | {error.mean():.2f} m "
+            f"| {name} | {error.mean():.2f} m "
             f"| {np.percentile(error, 95):.2f} m | {sum(false)} ({sum(f > 0 for f in false)}) "
             f"| {f'max {flagged:.1f} m' if detour else '–'} | {f'max {back:.1f} m' if detour else '–'} "
             f"| max {np.nanmax(arrived):.1f} m from the start | {int(np.isnan(arrived).sum())} | {closures}, {wrong} |",
