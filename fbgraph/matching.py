@@ -6,8 +6,8 @@ route: direction (turns), place, altitude, and the magnetic field: its vertical 
 the device faces, and its horizontal one less what the device itself adds. Distance is counted as if on the level, by
 which a staircase is as long up as down.
 
-The wearer's place in the frame of the route is dead reckoning drawn softly to the route as long as it is followed. When
-it leaves the corridor the wearer is off the route; from then on every place of the route that the wearer comes near,
+The wearer's place in the frame of the route is dead reckoning, drawn softly to the route and turned slowly into its
+direction as long as it is followed. When it leaves the corridor the wearer is off the route; from then on every place of the route that the wearer comes near,
 in its direction, may be where it is met again.
 """
 
@@ -33,6 +33,7 @@ _PLACE, _TURN, _MAG, _LEVEL, _ALTITUDE = 0.15, 0.3, 0.5, 0.25, 0.2
 _FORGET = 0.05  # of the device's own horizontal field, a step
 _JUMP, _JUMP_STEPS = 0.07, 1.0  # steps missed or counted twice: share, and how far in steps
 _GAP_M_S, _GAP_MOST_M = 1.0, 20.0  # where the log is silent
+_DRIFT_RAD, _DRIFT_M = math.radians(20.0), 25.0  # of direction on the way back against that on the way out
 _ANYWHERE = 0.03  # once lost, a step's chance to be anywhere near
 _ALONG_RAD = math.radians(50.0)
 _ALONG_M = 2.5  # walked along the route before it counts as met again
@@ -150,7 +151,7 @@ class RouteMatcher:
         self._var = 0.25
         self._off = False
         self._along_m = self._steady_m = 0.0
-        self._level_shift_ut = 0.0
+        self._level_shift_ut = self._turned_rad = 0.0
 
     def advance(
         self,
@@ -174,6 +175,7 @@ class RouteMatcher:
         if gap_s > 0.0:
             self._spread(min(_GAP_M_S * gap_s, _GAP_MOST_M))
         config = self._config
+        yaw_rad -= self._turned_rad
         cosine = math.cos(yaw_rad) * self._cos + math.sin(yaw_rad) * self._sin
         back = cosine < 0.0
         aside = np.arccos(np.minimum(np.abs(cosine), 1.0))
@@ -217,6 +219,11 @@ class RouteMatcher:
             self._px -= gain * dx
             self._py -= gain * dy
             self._var *= 1.0 - gain
+            sign = -1.0 if back[at] else 1.0
+            away = wrap_scalar(yaw_rad - math.atan2(sign * float(self._sin[at]), sign * float(self._cos[at])))
+            if abs(away) < _DRIFT_RAD:
+                turned_rad = self._turned_rad + min(length_m / _DRIFT_M, 1.0) * away
+                self._turned_rad = min(max(turned_rad, -_DRIFT_RAD), _DRIFT_RAD)
             if math.isfinite(field_ut[1]):
                 self._level_shift_ut += _FORGET * (field_ut[1] - float(self._level[at]) - self._level_shift_ut)
 
