@@ -7,8 +7,8 @@ the device faces, and its horizontal one less what the device itself adds. Dista
 which a staircase is as long up as down.
 
 The wearer's place in the frame of the route is dead reckoning, drawn softly to the route and turned slowly into its
-direction as long as it is followed. When it leaves the corridor the wearer is off the route; from then on every place of the route that the wearer comes near,
-in its direction, may be where it is met again.
+direction as long as it is followed. When it leaves the corridor the wearer is off the route; from then on every place
+of the route that the wearer comes near, in its direction, may be where it is met again.
 """
 
 from __future__ import annotations
