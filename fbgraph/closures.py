@@ -11,7 +11,8 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from fbgraph.config import ReturnConfig, StepLengthConfig
-from fbgraph.matching import Match, Outbound, RouteMatcher, field_of, gap_before_s, level_length_m
+from fbgraph.matching import Match, RouteMatcher
+from fbgraph.outbound import Outbound, field_of, gap_before_s, level_length_m
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
 from fbgraph.turnback import Crumb, TurnBack, TurnBackDetector

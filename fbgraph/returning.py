@@ -12,8 +12,9 @@ from fbgraph.closures import Closure, ClosureMaker
 from fbgraph.config import Config
 from fbgraph.guidance import Turn, find_turns
 from fbgraph.log import Event
-from fbgraph.matching import Match, Outbound, ReturnUpdate, RouteMatcher, field_of, gap_before_s, level_length_m
+from fbgraph.matching import Match, ReturnUpdate, RouteMatcher
 from fbgraph.online import Update
+from fbgraph.outbound import Outbound, field_of, gap_before_s, level_length_m
 from fbgraph.steps import Step
 from fbgraph.trajectory import Trajectory
 from fbgraph.turnback import Crumb, TurnBack, TurnBackDetector, reversal

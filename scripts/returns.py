@@ -20,8 +20,9 @@ from fbgraph.closures import Closure
 from fbgraph.config import Config, load_config
 from fbgraph.gait import Walker
 from fbgraph.log import SensorLog
-from fbgraph.matching import Outbound, ReturnUpdate, RouteMatcher, level_length_m
+from fbgraph.matching import ReturnUpdate, RouteMatcher
 from fbgraph.online import OnlineSmoother
+from fbgraph.outbound import Outbound, level_length_m
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.returning import ReturnGuide

@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "fbgraph"
 LAYERS = {
     0: {"errors", "config", "geometry", "log", "checkpoints", "trajectory", "palette"},
     1: {"readers", "simulate", "routes", "gait", "attitude", "rests", "steps", "field", "sources"},
-    2: {"pdr", "ekf", "graph", "smoother", "online", "closures", "turnback", "matching", "result"},
+    2: {"pdr", "ekf", "graph", "smoother", "online", "closures", "turnback", "outbound", "matching", "result"},
     3: {"metrics", "guidance", "returning", "exports", "recording", "rrd", "blueprint", "live_view"},
     4: {"pipeline", "session", "batch", "study", "cli"},
 }
