@@ -55,6 +55,12 @@ ClosedLoopOption = Annotated[bool, typer.Option("--closed-loop", help="The walk 
 OriginOption = Annotated[
     str | None, typer.Option("--origin", metavar="LAT,LON", help="Where on Earth the walk began, in degrees.")
 ]
+ReturnAtOption = Annotated[
+    str | None,
+    typer.Option(
+        "--return-at", metavar="SECONDS|auto|event", help="When the way back begins; directions from then on."
+    ),
+]
 NoRecordingOption = Annotated[bool, typer.Option("--no-recording", help="Write no recording.rrd.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
@@ -107,6 +113,10 @@ def smooth(
     anchors: AnchorsOption = None,
     closed_loop: ClosedLoopOption = False,
     origin: OriginOption = None,
+    out_and_back: Annotated[
+        bool,
+        typer.Option("--out-and-back/--no-out-and-back", help="Look for a turn-back; tie the way back to the way out."),
+    ] = True,
     no_recording: NoRecordingOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -117,14 +127,15 @@ def smooth(
     from fbgraph.pipeline import reconstruct, write_run
     from fbgraph.readers import preset, read_log
 
-    load_config(config, set_ or ())  # a wrong option is told before a long log is read
+    set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
+    load_config(config, set_)  # a wrong option is told before a long log is read
     known = None if truth is None else read_checkpoints(truth)
     anchored = None if anchors is None else read_checkpoints(anchors)
     where = None if origin is None else parse_origin(origin)
     with _progress() as progress:
         progress("read")
         log_file = read_log(log, format_)
-        effective = load_config(config or preset(log_file.log.format), set_ or ())
+        effective = load_config(config or preset(log_file.log.format), set_)
         result = reconstruct(
             log_file.log,
             effective,
@@ -171,6 +182,7 @@ def online(
     anchors: AnchorsOption = None,
     closed_loop: ClosedLoopOption = False,
     origin: OriginOption = None,
+    return_at: ReturnAtOption = None,
     no_recording: NoRecordingOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -187,6 +199,8 @@ def online(
         raise ConfigError("name either a LOG to replay or a --source to follow")
     if source is not None and anchors is not None:
         raise ConfigError("--anchors needs a LOG: a live device's clock is not known beforehand")
+    set_ = [*(set_ or ()), *([f"returning.at={json.dumps(return_at)}"] if return_at is not None else ())]
+    load_config(config, set_)  # a wrong option is told before a long log is read
     folder = resume or out
     if folder is None:
         if log is None:
@@ -218,7 +232,7 @@ def online(
         )
     else:
         assert source is not None
-        effective = session.resumed_config(folder) if resume else load_config(config or "m5stickc", set_ or ())
+        effective = session.resumed_config(folder, return_at) if resume else load_config(config or "m5stickc", set_)
         result = session.live(
             open_source(source, stopping),
             folder,
@@ -298,13 +312,17 @@ def _stop_on_signals() -> Callable[[], bool]:
 def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
     def show(update: Update) -> None:
         if as_json:
-            print(json.dumps(asdict(update)), flush=True)
+            fields = asdict(update)
+            if fields["returning"] is None:
+                del fields["returning"]
+            print(json.dumps(fields), flush=True)
         elif follow:
             from fbgraph.geometry import heading_deg
 
             print(
                 f"{update.t_s:8.2f} s  step {update.k:5d}  x {update.x_m:8.2f}  y {update.y_m:8.2f}  "
-                f"z {update.z_m:6.2f} m  heading {heading_deg(update.yaw_rad):3.0f}°  {update.distance_m:7.1f} m",
+                f"z {update.z_m:6.2f} m  heading {heading_deg(update.yaw_rad):3.0f}°  {update.distance_m:7.1f} m"
+                + (f"  {update.returning.instruction}" if update.returning else ""),
                 flush=True,
             )
 
@@ -562,7 +580,7 @@ def config(config: ConfigOption = None, set_: SetOption = None, as_json: JsonOpt
 @contextmanager
 def _progress() -> Iterator[Progress]:
     """A bar of stages on a terminal, nothing elsewhere."""
-    stages = ("read", "steps", "pdr", "ekf", "smoother", "tables", "recording")
+    stages = ("read", "steps", "pdr", "ekf", "smoother", "closures", "tables", "recording")
     if not sys.stderr.isatty():
         yield lambda stage: None
         return
@@ -591,8 +609,20 @@ def _print_summary(summary: dict[str, Any]) -> None:
         rows.append([name, f"{entry['distance_m']:.1f}", str(entry["turns"]), *end, *_score_cells(scores[name])])
     heads = ["estimator", "distance m", "turns", "end x m", "end y m", "end z m"]
     _print_table(heads + (_SCORE_HEADS if any(scores.values()) else []), rows)
+    if summary["return"] is not None:
+        _print_return(summary["return"])
     for text in summary["warnings"]:
         print(f"note: {text}")
+
+
+def _print_return(way_back: dict[str, Any]) -> None:
+    turned, arrived_s = way_back["turn_back"], way_back["arrived_t_s"]
+    text = f"turned back at {turned['t_s']:.1f} s (breadcrumb {turned['breadcrumb']}"
+    text += f", known at {turned['known_t_s']:.1f} s)"
+    if way_back["steps"]:
+        text += f", {way_back['steps']} steps guided, {way_back['off_route_steps']} of them off the route, "
+        text += f"{way_back['remaining_m']:.1f} m left" if arrived_s is None else f"arrived at {arrived_s:.1f} s"
+    print(f"{text}; {way_back['closures']} closures")
 
 
 _SCORE_HEADS = ["RMSE m", "mean m", "max m", "final m", "scored"]

@@ -6,6 +6,7 @@ effective configuration is written into every run as ``config.toml``. Presets in
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 
 from fbgraph.errors import ConfigError
 
@@ -249,6 +250,59 @@ class DatasetConfig(Section):
     """How far the ground truth's x axis is turned from magnetic East, counter-clockwise."""
 
 
+class ReturnConfig(Section):
+    """The way back: when it begins, and how it is matched to the way out."""
+
+    at: str = "never"
+    """When the way back begins: never, auto (it is noticed), event (a button's) or seconds since log start."""
+    out_and_back: bool = True
+    """Of a whole log: look for a turn-back and tie the way back to the way out."""
+    retraced_m: Positive = 12.0
+    """How much must have been walked back before a turn-back is believed."""
+    apart_m: Positive = 1.5
+    """How far from the way out that may be, on average."""
+    corridor_m: Positive = 2.5
+    """Who is further from the route than this, beyond doubt, is off it."""
+    drift_m: Positive = 0.12
+    """Dead reckoning on the way back drifts by this after one metre, growing with the square root of the distance."""
+    sigma_pull_m: Positive = 2.5
+    """How little a step on the route says about the drift; larger believes dead reckoning more."""
+    sigma_place_m: Positive = 3.0
+    """Place against the route."""
+    sigma_turn_rad: Positive = 0.35
+    """Direction of a step against that of the route."""
+    sigma_mag_ut: Positive = 2.5
+    """Magnetic field against that of the way out at the same place."""
+    sigma_altitude_m: Positive = 0.7
+    """Altitude against that of the way out."""
+    sigma_step_rel: Positive = 0.15
+    """Length of a step against the same stretch on the way out."""
+    arrived_m: Positive = 3.5
+    """Who has no more than this left, some five steps, has arrived."""
+    closure_doubt_m: Positive = 0.8
+    """A match that may be further off than this (one sigma) never enters the graph."""
+    closure_steady_m: Positive = 4.0
+    """Nor one before the route has been followed for so long."""
+    closure_every_m: Positive = 3.0
+    closure_away_m: NonNegative = 8.0
+    """Nor one this close to the turn-back, where nobody knows what milling about did to the distance."""
+    closure_sigma_m: Positive = 0.7
+    """How near the way back is to the way out, besides the doubt of the match."""
+
+    @field_validator("at", mode="before")
+    @classmethod
+    def _when(cls, value: object) -> str:
+        text = str(value).strip()
+        if text not in ("never", "auto", "event"):
+            try:
+                seconds = float(text)
+            except ValueError:
+                seconds = math.nan
+            if not 0.0 <= seconds < math.inf:
+                raise ValueError("expected never, auto, event or seconds since log start (--return-at)")
+        return text
+
+
 class Config(Section):
     """The whole configuration."""
 
@@ -261,6 +315,7 @@ class Config(Section):
     solver: SolverConfig = SolverConfig()
     online: OnlineConfig = OnlineConfig()
     dataset: DatasetConfig = DatasetConfig()
+    returning: ReturnConfig = ReturnConfig()
 
 
 def preset_folder() -> Traversable:

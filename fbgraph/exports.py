@@ -23,10 +23,12 @@ from fbgraph.geometry import FloatArray
 from fbgraph.metrics import Alignment, score
 from fbgraph.palette import LABELS
 from fbgraph.result import WalkResult
+from fbgraph.returning import write_returns
 from fbgraph.trajectory import Trajectory, read_tum, write_tum
 from fbgraph.turns import find_turns
 
 BREADCRUMB_HEADER = "k,t_s,x_m,y_m,z_m,yaw_rad,gyro_bias_rad_s,sigma_x_m,sigma_y_m,cov_xy_m2,sigma_z_m,sigma_yaw_rad"
+RETURNS = "return.csv"
 _RUN_FILES = {
     *(f"{name}.tum" for name in ("pdr", "ekf", "smoothed", "online")),
     *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", "raw.csv", "return.csv"),
@@ -84,6 +86,8 @@ def write_tables(result: WalkResult, folder: Path, summary: dict[str, Any]) -> N
     for name, trajectory in result.trajectories.items():
         write_tum(folder / f"{name}.tum", trajectory, result.log.t0_s)
     write_breadcrumbs(folder / "breadcrumbs.csv", result.smoothed.trajectory, result.log.t0_s)
+    if result.returning:
+        write_returns(folder / RETURNS, result.returning, result.log.t0_s)
     (folder / "config.toml").write_text(dump_toml(result.config), "utf-8")
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
 
@@ -171,6 +175,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "rest_s": float(track.rest_s.sum()),
         "closed_walk": result.closed_walk,
         "anchors": 0 if result.anchors is None else len(result.anchors),
+        "return": return_entry(result),
         "truth": None if result.truth is None else result.truth.source,
         "estimators": estimators,
         "solver": {
@@ -192,6 +197,22 @@ def summarize(result: WalkResult) -> dict[str, Any]:
 def _longest_axis_m(cov_xy_yaw: FloatArray) -> float:
     """One sigma along the longest axis of the horizontal ellipse."""
     return float(np.sqrt(np.linalg.eigvalsh(cov_xy_yaw[:2, :2])[1]))
+
+
+def return_entry(result: WalkResult) -> dict[str, Any] | None:
+    """The way back, summed up; None for a walk of which no way back is known. Times on the format's event clock."""
+    turned, t0_s = result.turn_back, result.log.t0_s
+    if turned is None:
+        return None
+    arrived = [update.t_s + t0_s for update in result.returning if update.arrived]
+    return {
+        "turn_back": {"breadcrumb": turned.breadcrumb, "t_s": turned.t_s + t0_s, "known_t_s": turned.known_s + t0_s},
+        "steps": len(result.returning),
+        "off_route_steps": sum(update.off_route for update in result.returning),
+        "arrived_t_s": arrived[0] if arrived else None,
+        "remaining_m": result.returning[-1].remaining_m if result.returning else None,
+        "closures": len(result.smoothed.closures),
+    }
 
 
 def warnings(result: WalkResult) -> list[str]:

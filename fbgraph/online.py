@@ -10,9 +10,9 @@ batch smoother's answer. (A very long walk is given to the batch solver for that
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import gtsam
 import numpy as np
@@ -20,13 +20,15 @@ from gtsam.symbol_shorthand import B, X, Z
 
 from fbgraph.attitude import LevelledSignals
 from fbgraph.checkpoints import Checkpoints
+from fbgraph.closures import Closure, closure_factor, closure_prior
 from fbgraph.config import Config
 from fbgraph.errors import DataError, EstimationError
 from fbgraph.geometry import FloatArray, wrap_scalar
 from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factor, anchor_sigma, closed_walk_factor
-from fbgraph.log import SensorLog
+from fbgraph.log import Event, SensorLog
+from fbgraph.matching import ReturnUpdate
 from fbgraph.residuals import factor_residuals
-from fbgraph.smoother import Smoothed, on_deep_stack, smooth, trajectory_of
+from fbgraph.smoother import Smoothed, on_deep_stack, smooth, tie_way_back, trajectory_of
 from fbgraph.steps import FrontEnd, Step, StepTrack
 from fbgraph.trajectory import Trajectory
 
@@ -46,6 +48,7 @@ class Update:
         t_s: time of the step, seconds since log start.
         x_m, y_m, z_m, yaw_rad, gyro_bias_rad_s: its state.
         distance_m: walked so far.
+        returning: on the way back, where on the way out that is and what to do next.
     """
 
     k: int
@@ -56,6 +59,19 @@ class Update:
     yaw_rad: float
     gyro_bias_rad_s: float
     distance_m: float
+    returning: ReturnUpdate | None = None
+
+
+class Companion(Protocol):
+    """Somebody who is told every step and may say that an earlier breadcrumb is met again (``returning``)."""
+
+    def note(self, events: Iterable[Event]) -> None:
+        """Take events, before the steps that come with or after them."""
+
+    def advance(
+        self, update: Update, step: Step, estimate: Callable[[], Trajectory]
+    ) -> tuple[ReturnUpdate | None, Iterable[Closure]]:
+        """Take a step; ``estimate`` gives all breadcrumbs as known now."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +103,13 @@ class OnlineSmoother:
     """
 
     def __init__(
-        self, config: Config, anchors: Checkpoints | None = None, t0_s: float = 0.0, closed_walk: bool = False
+        self,
+        config: Config,
+        anchors: Checkpoints | None = None,
+        t0_s: float = 0.0,
+        closed_walk: bool = False,
+        *,
+        companion: Companion | None = None,
     ) -> None:
         """A smoother for one walk.
 
@@ -96,6 +118,7 @@ class OnlineSmoother:
             anchors: known places, each used once the walk has passed its time; the result is in their frame.
             t0_s: brings the samples' times to the anchors' clock.
             closed_walk: ``finish`` may assume that the walk ended where it began.
+            companion: told every step; its closures enter the graph from the next step on.
         """
         self._config = config
         self._front_end = FrontEnd(config)
@@ -109,6 +132,8 @@ class OnlineSmoother:
         self._updates: list[Update] = []
         self._nodes: list[Node] = []  # of each breadcrumb: while in the window a guess, after it for good
         self._extra: list[Any] = []  # anchor factors
+        self._companion = companion
+        self._closures: list[Closure] = []
         self._window: list[Graph] = []  # the factors that came with each breadcrumb of the window
         self._first = 0  # breadcrumb where the window begins
         self._isam = gtsam.ISAM2(_isam_params(config, anchors is not None))
@@ -124,6 +149,8 @@ class OnlineSmoother:
         Raises:
             EstimationError: the solver failed.
         """
+        if self._companion is not None:
+            self._companion.note(samples.events)
         steps, self.signals = self._front_end.feed(samples)
         return self._advance(steps)
 
@@ -169,10 +196,19 @@ class OnlineSmoother:
     def finish(self) -> Smoothed:
         """Take what was held back, then smooth the whole walk.
 
+        Its closures are those of the companion; without any, a way back is looked for as in the batch smoother.
+
         Raises:
             DataError: no step in the samples.
             EstimationError: the solver failed.
         """
+        smoothed = self._finish()
+        if self._config.returning.out_and_back and not self._closures:
+            known = (self._config, self._anchors, self._t0_s, self._closed_walk)
+            smoothed, _ = tie_way_back(smoothed, self.track, self.estimate(), *known)
+        return smoothed
+
+    def _finish(self) -> Smoothed:
         self._advance(self._front_end.finish()[0])
         self._require_steps()
         self._refresh()
@@ -186,6 +222,7 @@ class OnlineSmoother:
                 self._anchors,
                 self._t0_s,
                 self._closed_walk,
+                closures=self._closures,
             )
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         builder = self._new_builder(self._steps[1])
@@ -193,7 +230,7 @@ class OnlineSmoother:
         for step, node in zip(self._steps, self._nodes, strict=True):
             builder.add(step, node, previous, graph, values)
             previous = node
-        for factor in self._extra:
+        for factor in (*self._extra, *map(closure_factor, self._closures)):
             graph.push_back(factor)
         if self._closed_walk:
             graph.push_back(closed_walk_factor(len(self._steps) - 1, self._config.graph))
@@ -207,6 +244,7 @@ class OnlineSmoother:
             errors=errors,
             factors=graph.size(),
             residuals=factor_residuals(graph, result),
+            closures=tuple(self._closures),
         )
 
     def _solve_whole(self, graph: Graph, values: Values) -> tuple[Values, object, FloatArray]:
@@ -271,7 +309,31 @@ class OnlineSmoother:
         self._updates.append(update)
         if len(self._window) >= 2 * self._config.online.window_steps:
             self._shorten_window()
+        if self._companion is not None:
+            told, closures = self._companion.advance(update, step, self.estimate)
+            self._close(closures)
+            update = replace(update, returning=told)
+            self._updates[k] = update
         return update
+
+    def _close(self, closures: Iterable[Closure]) -> None:
+        """Add closures to the tree; where their earlier breadcrumb has left the window, it is fixed."""
+        graph = gtsam.NonlinearFactorGraph()
+        for closure in closures:
+            self._closures.append(closure)
+            if closure.j >= self._first:
+                graph.push_back(self._closure_factor(closure, self._first))
+        if graph.size():
+            try:
+                self._isam.update(graph, gtsam.Values())
+            except RuntimeError as error:
+                raise EstimationError(f"iSAM2 failed at a closure: {str(error).strip().splitlines()[0]}") from error
+
+    def _closure_factor(self, closure: Closure, first: int) -> Any:
+        if closure.i >= first:
+            return closure_factor(closure)
+        fixed = self._nodes[closure.i]
+        return closure_prior(closure, fixed.x_m, fixed.y_m, fixed.yaw_rad)
 
     def _seed(self, step: Step, previous: Node | None) -> Node:
         if previous is None:
@@ -335,6 +397,9 @@ class OnlineSmoother:
         split = join - self._first + 1  # factors that come with the join itself look back from it
         for graph in self._window[:split]:
             older.push_back(graph)
+        for closure in self._closures:
+            if self._first <= closure.j <= join:
+                older.push_back(self._closure_factor(closure, self._first))
         gone = gtsam.Ordering()
         for k in range(self._first, join):
             for key in (X(k), Z(k), B(k)):
@@ -347,6 +412,9 @@ class OnlineSmoother:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for part in window:
             graph.push_back(part)
+        for closure in self._closures:
+            if closure.j > join:
+                graph.push_back(self._closure_factor(closure, join))
         for k in range(join, len(self._steps)):
             values.insert(X(k), result.atPose2(X(k)))
             values.insert(Z(k), result.atDouble(Z(k)))

@@ -18,7 +18,7 @@ from fbgraph.georeference import Georeference
 from fbgraph.log import SensorLog
 from fbgraph.pdr import dead_reckon
 from fbgraph.result import WalkResult
-from fbgraph.smoother import smooth
+from fbgraph.smoother import smooth, tie_way_back
 from fbgraph.steps import detect_steps
 
 if TYPE_CHECKING:
@@ -71,6 +71,10 @@ def reconstruct(
         ekf = run_ekf(track, config.ekf)
     with stage("smoother"):
         smoothed = smooth(track, ekf, config.graph, config.solver, anchors, log.t0_s, closed_walk)
+    turned = None
+    if config.returning.out_and_back:
+        with stage("closures"):
+            smoothed, turned = tie_way_back(smoothed, track, ekf, config, anchors, log.t0_s, closed_walk)
     return WalkResult(
         log=log,
         config=config,
@@ -84,6 +88,7 @@ def reconstruct(
         seconds=seconds,
         origin=origin,
         inputs=inputs or {},
+        turn_back=turned,
     )
 
 

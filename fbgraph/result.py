@@ -14,10 +14,12 @@ from fbgraph.config import Config
 from fbgraph.geometry import FloatArray
 from fbgraph.georeference import Georeference
 from fbgraph.log import SensorLog
+from fbgraph.matching import ReturnUpdate
 from fbgraph.online import Belief
 from fbgraph.smoother import Smoothed
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
+from fbgraph.turnback import TurnBack
 
 ESTIMATORS = ("pdr", "ekf", "smoothed", "online")
 """Names of trajectories, in the order in which they are shown."""
@@ -41,6 +43,8 @@ class WalkResult:
         origin: where on Earth the walk began, if the user said so.
         beliefs: what the online smoother took the walk to be, at times while it was walked.
         inputs: what was read and asked for, so that the run can be made again.
+        turn_back: where the way out ended, if that is known.
+        returning: what was told at each step of the way back.
     """
 
     log: SensorLog
@@ -56,6 +60,8 @@ class WalkResult:
     origin: Georeference | None = None
     beliefs: tuple[Belief, ...] = ()
     inputs: Mapping[str, Any] = field(default_factory=dict)
+    turn_back: TurnBack | None = None
+    returning: tuple[ReturnUpdate, ...] = ()
 
     @property
     def truth_shift_m(self) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import tempfile
 import time
@@ -17,7 +18,7 @@ from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config, dump_toml, load_config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError, DataError
-from fbgraph.exports import check_run_folder, summarize, summary_markdown
+from fbgraph.exports import RETURNS, check_run_folder, summarize, summary_markdown
 from fbgraph.georeference import Georeference
 from fbgraph.log import SensorLog
 from fbgraph.online import Belief, OnlineSmoother, Update
@@ -26,6 +27,7 @@ from fbgraph.pipeline import write_files
 from fbgraph.readers.base import OPTIONAL_SENSORS
 from fbgraph.readers.live import LiveReader
 from fbgraph.result import WalkResult
+from fbgraph.returning import ReturnGuide
 from fbgraph.steps import detect_steps
 
 if TYPE_CHECKING:
@@ -102,7 +104,8 @@ def replay(
         DataError: no step in the log.
         EstimationError: the solver failed.
     """
-    smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk)
+    guide = ReturnGuide(config)
+    smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk, companion=guide)
     watcher = Watcher(smoother, recording, view)
     fed_until_s = -np.inf
     for piece, until_s in pieces(log, chunk_s, speed, stop):
@@ -112,7 +115,7 @@ def replay(
         watcher.fed(piece, updates)
         fed_until_s = until_s
     seen = log.between(-np.inf, fed_until_s)
-    result = _result(seen, smoother, watcher, config, truth, anchors, closed_walk)
+    result = _result(seen, smoother, guide, watcher, config, truth, anchors, closed_walk)
     stopped_s = fed_until_s if np.isfinite(fed_until_s) else None
     return replace(result, origin=origin, inputs={**(inputs or {}), "online_chunk_s": chunk_s, "until_s": stopped_s})
 
@@ -151,7 +154,8 @@ def live(
         EstimationError: the solver failed.
     """
     raw_path = out / RAW
-    reader, smoother = LiveReader(out.name), OnlineSmoother(config, closed_walk=closed_walk)
+    reader, guide = LiveReader(out.name), ReturnGuide(config)
+    smoother = OnlineSmoother(config, closed_walk=closed_walk, companion=guide)
     watcher = Watcher(smoother, recording, view)
 
     def feed(lines: list[str] | None, tell: bool = True) -> None:
@@ -169,7 +173,7 @@ def live(
         out.mkdir(parents=True, exist_ok=True)
         for name in os.listdir(out):
             (out / name).unlink()
-        (out / "config.toml").write_text(dump_toml(config), "utf-8")
+    (out / "config.toml").write_text(dump_toml(config), "utf-8")
     rest = b""
     with open(raw_path, "ab", buffering=0) as raw:
         for data in source:
@@ -179,19 +183,24 @@ def live(
             raw.write(complete + newline)
             feed(complete.decode("latin-1").split("\n"))
     feed(None)
-    result = _result(saved_log(raw_path), smoother, watcher, config, truth, None, closed_walk)
+    result = _result(saved_log(raw_path), smoother, guide, watcher, config, truth, None, closed_walk)
     return replace(result, origin=origin, inputs={**(inputs or {}), "log": RAW})
 
 
-def resumed_config(out: Path) -> Config:
-    """The configuration with which the walk in ``out`` was begun.
+def resumed_config(out: Path, return_at: str | None = None) -> Config:
+    """The configuration with which the walk in ``out`` was begun, when the way back begins included.
+
+    Args:
+        out: the run folder.
+        return_at: overrules when the way back begins.
 
     Raises:
         ConfigError: there is no walk to resume.
     """
     if not (out / RAW).is_file() or not (out / "config.toml").is_file():
         raise ConfigError(f"--resume {out}: no {RAW} and config.toml there, so no walk to go on with")
-    return load_config(str(out / "config.toml"))
+    overrides = () if return_at is None else (f"returning.at={json.dumps(return_at)}",)
+    return load_config(str(out / "config.toml"), overrides)
 
 
 def saved_log(raw_path: Path) -> SensorLog:
@@ -234,6 +243,7 @@ def _saved_lines(raw_path: Path) -> Iterator[list[str]]:
 def _result(
     log: SensorLog,
     smoother: OnlineSmoother,
+    guide: ReturnGuide,
     watcher: Watcher,
     config: Config,
     truth: Checkpoints | None,
@@ -243,6 +253,7 @@ def _result(
     """Everything about a walk that is over, the other estimators beside it."""
     smoothed = smoother.finish()
     track, signals = detect_steps(log, config)
+    log = replace(log, notices=(*log.notices, *guide.warnings()))
     result = WalkResult(
         log=log,
         config=config,
@@ -259,6 +270,8 @@ def _result(
         anchors=anchors,
         closed_walk=closed_walk,
         beliefs=tuple(watcher.beliefs),
+        turn_back=guide.turn_back,
+        returning=tuple(guide.updates),
     )
     if watcher.view is not None:
         watcher.view.finished(result, smoother, summary_markdown(summarize(result)))
@@ -275,6 +288,7 @@ def write_walk(result: WalkResult, out: Path, recording: bool = True) -> dict[st
         DataError: truth that does not belong to this log.
     """
     out.mkdir(parents=True, exist_ok=True)
+    (out / RETURNS).unlink(missing_ok=True)  # of an earlier run
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
         summary = write_files(result, Path(folder), recording)
         for path in Path(folder).iterdir():

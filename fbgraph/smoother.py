@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import gtsam
@@ -13,13 +13,15 @@ import numpy as np
 from gtsam.symbol_shorthand import B, X, Z
 
 from fbgraph.checkpoints import Checkpoints
-from fbgraph.config import GraphConfig, SolverConfig
+from fbgraph.closures import Closure, closure_factor, find_closures, find_turn_back
+from fbgraph.config import Config, GraphConfig, SolverConfig
 from fbgraph.errors import EstimationError
-from fbgraph.geometry import FloatArray
+from fbgraph.geometry import FloatArray, wrap_angle
 from fbgraph.graph import Graph, GraphBuilder, Node, Values, anchor_factors, closed_walk_factor
 from fbgraph.residuals import Residuals, factor_residuals
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
+from fbgraph.turnback import TurnBack
 
 Marginals = Any  # gtsam.Marginals
 Solved = TypeVar("Solved")
@@ -36,12 +38,14 @@ class Smoothed:
             and after each.
         factors: number of factors in the graph.
         residuals: of every factor at the solution, by kind.
+        closures: breadcrumbs tied to earlier ones.
     """
 
     trajectory: Trajectory
     errors: FloatArray
     factors: int
     residuals: tuple[Residuals, ...]
+    closures: tuple[Closure, ...] = ()
 
     @property
     def iterations(self) -> int:
@@ -57,6 +61,8 @@ def smooth(
     anchors: Checkpoints | None = None,
     t0_s: float = 0.0,
     closed_walk: bool = False,
+    *,
+    closures: Sequence[Closure] = (),
 ) -> Smoothed:
     """Smooth a walk.
 
@@ -72,6 +78,8 @@ def smooth(
         EstimationError: the solver failed or its answer is not finite.
     """
     graph, values = build(track, seed, graph_config, anchors, t0_s, closed_walk)
+    for closure in closures:
+        graph.push_back(closure_factor(closure))
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(solver_config.max_iterations)
     params.setRelativeErrorTol(solver_config.relative_error)
@@ -97,7 +105,41 @@ def smooth(
         errors=np.array([error_initial, *errors]),
         factors=graph.size(),
         residuals=factor_residuals(graph, result),
+        closures=tuple(closures),
     )
+
+
+def tie_way_back(
+    smoothed: Smoothed,
+    track: StepTrack,
+    seed: Trajectory,
+    config: Config,
+    anchors: Checkpoints | None = None,
+    t0_s: float = 0.0,
+    closed_walk: bool = False,
+) -> tuple[Smoothed, TurnBack | None]:
+    """Smooth a walk out and back once more, each stretch of the way back tied to the same stretch of the way out.
+
+    Args:
+        smoothed: the walk without closures.
+        track, seed, anchors, t0_s, closed_walk: as they were given to ``smooth``.
+        config: the effective configuration.
+
+    Returns:
+        The walk, as it was if no turn-back or no trustworthy match is found, and the turn-back.
+
+    Raises:
+        EstimationError: as ``smooth``.
+    """
+    turned = find_turn_back(smoothed.trajectory, track, config.step_length, config.returning)
+    closures = find_closures(smoothed.trajectory, track, turned, config.step_length, config.returning)
+    if not closures:
+        return smoothed, turned
+    # who turned on the spot by more than half a circle between two steps is unwrapped as in the seed
+    yaw_rad = seed.yaw_rad + wrap_angle(smoothed.trajectory.yaw_rad - seed.yaw_rad)
+    near = replace(smoothed.trajectory, yaw_rad=yaw_rad)
+    tied = smooth(track, near, config.graph, config.solver, anchors, t0_s, closed_walk, closures=closures)
+    return tied, turned
 
 
 def on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:

@@ -10,8 +10,20 @@ VIEWING = {"recording", "scene", "rrd", "blueprint", "side_by_side", "live_view"
 LAYERS = {
     0: {"errors", "config", "geometry", "georeference", "log", "checkpoints", "trajectory", "palette"},
     1: {"readers", "simulate", "routes", "gait", "attitude", "rests", "steps", "field", "sources"},
-    2: {"pdr", "ekf", "graph", "residuals", "smoother", "online", "closures", "result"},
-    3: {"metrics", "turns", "guidance", "way_texts", "way_maps", "findings", "exports", "runs", *VIEWING},
+    2: {
+        "pdr",
+        "ekf",
+        "graph",
+        "residuals",
+        "smoother",
+        "online",
+        "closures",
+        "turnback",
+        "outbound",
+        "matching",
+        "result",
+    },
+    3: {"metrics", "turns", "guidance", "way_texts", "way_maps", "returning", "findings", "exports", "runs", *VIEWING},
     4: {"pipeline", "session", "reruns", "batch", "study", "cli"},
 }
 LEVEL = {room: level for level, rooms in LAYERS.items() for room in rooms}

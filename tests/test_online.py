@@ -88,7 +88,7 @@ def half_hour() -> SensorLog:
 
 
 def test_a_long_walk_through_a_short_window_ends_as_the_batch(half_hour: SensorLog) -> None:
-    config = load_config("m5stickc", ["online.window_steps=100"])
+    config = load_config("m5stickc", ["online.window_steps=100", "returning.out_and_back=false"])
     batch = reconstruct(half_hour, config)
     smoother = OnlineSmoother(config)
     updates = feed(smoother, half_hour, 5.0)
