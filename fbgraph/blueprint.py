@@ -195,16 +195,22 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         name = (
             "The online path as it was believed at the time of the cursor (purple), and as smoothed in the end (green)"
         )
-        contents = [
-            f"{root}/map/{what}" for what in ("believed/**", "online/position", "smoothed/path", "smoothed/ends")
-        ]
+        drawn = ("believed/**", "return/match", "online/position", "smoothed/path", "smoothed/ends")
+        contents = [f"{root}/map/{what}" for what in drawn]
         contents += [f"{root}/map/truth/**", f"{root}/map/legend/scale", f"{root}/map/legend/north", f"{root}/map"]
         result.append(rrb.Horizontal(plan(name, contents), name="While walking"))
     if there("map/return"):
         name = "The way back, its turns numbered as in the list"
         known = [f"{root}/map/return/**", f"{root}/map/smoothed/ends", f"{root}/map/legend/north", f"{root}/map"]
-        instructions = text("How to go", "return/instructions")
-        result.append(rrb.Horizontal(plan(name, known), *instructions, column_shares=[5, 3], name="The way back"))
+        told = "return/told" in entities
+        live = [rrb.TextLogView(name="Told while walking back", origin=f"{root}/return/told")] * told
+        right = rrb.Vertical(
+            *text("How to go", "return/instructions"),
+            *live,
+            *curves("Left to the start [m]", "return/remaining_m"),
+            *curves("Beside the route, to its left [m]", "return/cross_track_m"),
+        )
+        result.append(rrb.Horizontal(plan(name, known), right, column_shares=[5, 3], name="The way back"))
     if there("residuals"):
         weights = curves("Share of its pull that the robust loss left each factor", "weights")
         trust = curves("The compass: the same, less what the disturbed field took", "state/compass_trust")

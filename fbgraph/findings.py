@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from fbgraph.attitude import LevelledSignals
 from fbgraph.field import FieldMemory
 from fbgraph.geometry import BoolArray, FloatArray, wrap_angle
 from fbgraph.graph import anchor_breadcrumbs
+from fbgraph.matching import ReturnUpdate
 from fbgraph.metrics import leg_errors
 from fbgraph.result import WalkResult
 from fbgraph.steps import StepTrack
@@ -19,6 +21,7 @@ Lane = list[tuple[float, str | None]]
 
 STANDING, WALKING, MOVING = "standing still", "walking", "moving, no steps"
 TRUSTED, DOUBTED = "trusted", "doubted"
+ON_ROUTE, OFF_ROUTE, ARRIVED = "way back", "off route", "arrived"
 
 _HALF = 0.5  # of the usual pull; a compass that is left less is doubted
 _SHORT_STEPS = 2  # a stretch of fewer is not worth telling
@@ -113,13 +116,26 @@ def compass_lane(result: WalkResult) -> Lane:
 
 
 def places_lane(result: WalkResult) -> Lane:
-    """When the walk was told where it was: at anchors, and at its end if that is its start."""
+    """When the walk was told where it was: at anchors, where it met itself, and at its end if that is its start."""
     track, lane = result.track, []
     told = [("closed walk", len(track) - 1)] if result.closed_walk else []
+    told += [("closure", closure.j) for closure in result.smoothed.closures]
     if result.anchors is not None:
         told += [("anchor", k) for k in anchor_breadcrumbs(result.anchors, result.log.t0_s, track.t_s).tolist()]
     for name, k in sorted(told, key=lambda one: one[1]):
         lane += [(float(track.start_s[k]), name), (float(track.t_s[k]) + _SHOWN_S, None)]
+    return lane
+
+
+def returning_lane(updates: Sequence[ReturnUpdate]) -> Lane:
+    """On the way back: ``ON_ROUTE``, ``OFF_ROUTE``, ``ARRIVED``."""
+    lane: Lane = []
+    for update in updates:
+        state = OFF_ROUTE if update.off_route else ON_ROUTE
+        if update.arrived or (lane and lane[-1][1] == ARRIVED):
+            state = ARRIVED
+        if not lane or lane[-1][1] != state:
+            lane.append((update.t_s, state))
     return lane
 
 
@@ -206,6 +222,14 @@ def _places(result: WalkResult) -> list[Finding]:
     if result.closed_walk:
         told.append(("closed walk", len(smoothed) - 1, smoothed.xy_m[0]))
     found = []
+    if closures := result.smoothed.closures:
+        doubted = sum(weights.get("closure", {}).get(closure.j, 1.0) < _HALF for closure in closures)
+        both = [np.median([np.hypot(*(path[c.i] - path[c.j])) for c in closures]) for path in (smoothed.xy_m, free)]
+        text = (
+            f"the way back was tied to the way out at {len(closures)} places ({doubted} doubted): both passes are "
+            f"{both[0]:.1f} m apart as smoothed (median), {both[1]:.1f} m by the EKF, which was not told"
+        )
+        found.append(Finding("closure", float(track.t_s[closures[0].j]), float(track.t_s[closures[-1].j]), text))
     for name, k, place in told:
         at_s = float(track.t_s[k])
         near, before = np.hypot(*(smoothed.xy_m[k] - place)), np.hypot(*(free[k] - place))

@@ -10,6 +10,7 @@ from fbgraph.blueprint import blueprint
 from fbgraph.config import Config
 from fbgraph.ekf import run_ekf
 from fbgraph.log import SensorLog
+from fbgraph.matching import ReturnUpdate
 from fbgraph.online import Belief, OnlineSmoother
 from fbgraph.pdr import dead_reckon
 from fbgraph.recording import Recorder
@@ -41,16 +42,24 @@ class LiveView:
         self._pieces: list[SensorLog] = []
         self._signals: list[LevelledSignals] = []
         self._beliefs: list[Belief] = []
+        self._returning: list[ReturnUpdate] = []
         self._steps = 0
         self._arranged: set[str] = set()
         self._due_s = 0.0
 
-    def fed(self, piece: SensorLog, smoother: OnlineSmoother, beliefs: Sequence[Belief]) -> None:
-        """Note a piece of log that the smoother was just fed, and what it came to believe."""
+    def fed(
+        self,
+        piece: SensorLog,
+        smoother: OnlineSmoother,
+        beliefs: Sequence[Belief],
+        returning: Sequence[ReturnUpdate] = (),
+    ) -> None:
+        """Note a piece of log that the smoother was just fed, what it came to believe, and what the wearer was told."""
         self._pieces.append(piece)
         if smoother.signals is not None:
             self._signals.append(smoother.signals)
         self._beliefs += beliefs
+        self._returning += returning
         if time.monotonic() >= self._due_s:
             self._flush(smoother)
             self._due_s = time.monotonic() + _EVERY_S
@@ -93,7 +102,8 @@ class LiveView:
                 self._recorder.states(name, trajectory, first)
                 self._recorder.path(name, trajectory, first)
         self._recorder.believed(self._beliefs)
-        self._steps, self._beliefs = len(track), []
+        self._recorder.returned(self._returning, online)
+        self._steps, self._beliefs, self._returning = len(track), [], []
         # views come into being with what they show: sensors first, then steps
         if tabs_of(self._rrd.entities) != self._arranged:
             self._arranged = tabs_of(self._rrd.entities)

@@ -28,19 +28,24 @@ from fbgraph.config import Config
 from fbgraph.errors import DataError
 from fbgraph.exports import score_label
 from fbgraph.findings import (
+    ARRIVED,
     DOUBTED,
     MOVING,
+    OFF_ROUTE,
+    ON_ROUTE,
     STANDING,
     TRUSTED,
     WALKING,
     compass_lane,
     compass_trust,
     places_lane,
+    returning_lane,
     wearer_lane,
 )
 from fbgraph.geometry import FloatArray, wrap_angle
 from fbgraph.guidance import way
 from fbgraph.log import SensorLog
+from fbgraph.matching import ReturnUpdate
 from fbgraph.metrics import checkpoint_errors, leg_errors
 from fbgraph.online import Belief
 from fbgraph.palette import AXIS_COLORS, COLORS, LABELS
@@ -63,6 +68,12 @@ _SENSORS = {
 }
 _WEARER_COLORS: dict[str, Rgba] = {WALKING: (0, 114, 178), STANDING: (110, 110, 110), MOVING: (96, 72, 140)}
 _COMPASS_COLORS: dict[str, Rgba] = {TRUSTED: (0, 110, 80), DOUBTED: COLORS["sensor"]}
+_PLACE_COLORS: dict[str, Rgba] = {
+    "anchor": COLORS["anchor"],
+    "closed walk": COLORS["anchor"],
+    "closure": COLORS["closure"],
+}
+_RETURN_COLORS: dict[str, Rgba] = {ON_ROUTE: COLORS["return"], OFF_ROUTE: COLORS["sensor"], ARRIVED: COLORS["smoothed"]}
 _CIRCLE = rr.components.MarkerShape.Circle
 _DIAMOND = rr.components.MarkerShape.Diamond
 
@@ -182,6 +193,23 @@ class Recorder:
         """What the online smoother took the walk to be."""
         self._beliefs.add(self._rrd, beliefs)
 
+    def returned(self, updates: Sequence[ReturnUpdate], online: Trajectory) -> None:
+        """What the wearer was told on the way back; ``online`` holds each breadcrumb as believed at its step."""
+        if not updates:
+            return
+        rrd, t_s = self._rrd, np.array([update.t_s for update in updates])
+        scene.matched(rrd, updates, online)
+        blue, red = COLORS["return"], COLORS["sensor"]
+        remaining = np.array([update.remaining_m for update in updates])
+        rrd.series("return/remaining_m", t_s, remaining, ["left to the start"], [blue])
+        cross = np.array([update.cross_track_m for update in updates])
+        rrd.series("return/cross_track_m", t_s, cross, ["left of the route"], [red], max_gap_s=_PAUSE_S)
+        told = [update for update in updates if update.instruction]
+        if told:
+            at_s, texts = np.array([update.t_s for update in told]), [update.instruction for update in told]
+            rrd.columns("return/told", at_s, rr.TextLog.columns(text=texts, level=[rr.TextLogLevel.INFO] * len(told)))
+        self._lane("way_back", returning_lane(updates), _RETURN_COLORS)
+
     def finished(self, result: WalkResult, summary_markdown: str, active_tab: int = 0) -> None:
         """What only the whole walk tells; what it shares with the walk in progress must have been logged."""
         rrd = self._rrd
@@ -191,7 +219,7 @@ class Recorder:
         self._graph(result)
         self._errors(result, errors)
         self._lane("compass", compass_lane(result), _COMPASS_COLORS)
-        self._lane("known_places", places_lane(result), {"anchor": COLORS["anchor"], "closed walk": COLORS["anchor"]})
+        self._lane("known_places", places_lane(result), _PLACE_COLORS)
         self._way_back(result)
         scores = {name: float(np.sqrt((error_m**2).mean())) for name, (_, error_m) in errors.items()}
         frame = scene.finished(rrd, result, scores)
@@ -272,8 +300,11 @@ class Recorder:
         """Where the way back leads, and how it is told."""
         log, compass = result.log, len(result.log.mag) > 0 or result.anchors is not None
         events = [(event.t_s, event.label) for event in log.events]
+        walked = result.smoothed.trajectory
+        if result.turn_back is not None and result.returning:  # the wearer has gone back already: that way
+            walked = walked.until(result.turn_back.breadcrumb)
         try:
-            there = way(result.smoothed.trajectory, events, None, result.config.graph, log.name, compass)
+            there = way(walked, events, None, result.config.graph, log.name, compass)
         except DataError:  # a walk that leads nowhere
             return
         back = there.reversed()
@@ -324,6 +355,8 @@ def write_recording(result: WalkResult, path: Path, summary_markdown: str, activ
     for name, trajectory in ordered(result):
         recorder.states(name, trajectory)
     recorder.believed(result.beliefs)
+    if result.returning:
+        recorder.returned(result.returning, result.trajectories["online"])
     recorder.finished(result, summary_markdown, active_tab)
     rrd.save(path, recorder.arranged)
 

@@ -18,6 +18,7 @@ from fbgraph.steps import Step
 from fbgraph.trajectory import Trajectory
 from fbgraph.turnback import Crumb, TurnBack, TurnBackDetector, reversal
 from fbgraph.turns import Turn, find_turns
+from fbgraph.way_texts import turn_text
 
 RETURN_HEADER = "t_s,breadcrumb,breadcrumb_t_s,route_m,remaining_m,cross_track_m,instruction,off_route"
 _SOON_M = 15.0  # a turn further away is not announced yet
@@ -188,9 +189,8 @@ def instruction(
         return "turn around"
     if turn is None or remaining_m - turn[0] > _SOON_M:
         return f"straight on for {remaining_m - (turn[0] if turn else 0.0):.0f} m"
-    side, angle = "left" if turn[1] > 0 else "right", math.degrees(abs(turn[1]))
     ahead_m = remaining_m - turn[0]
-    return f"turn {side} {angle:.0f}° " + ("now" if ahead_m < _HERE_M else f"in {ahead_m:.0f} m")
+    return f"{turn_text(turn[1])} " + ("now" if ahead_m < _HERE_M else f"in {ahead_m:.0f} m")
 
 
 def _side(bearing_rad: float) -> str:

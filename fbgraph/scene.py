@@ -18,6 +18,7 @@ from fbgraph.findings import DOUBTED, compass_lane
 from fbgraph.geometry import FloatArray, IntArray
 from fbgraph.graph import anchor_breadcrumbs
 from fbgraph.guidance import Way
+from fbgraph.matching import ReturnUpdate
 from fbgraph.online import Belief
 from fbgraph.palette import COLORS, LABELS
 from fbgraph.result import ESTIMATORS, WalkResult
@@ -123,6 +124,9 @@ def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Fr
     doubted = _stretches_where(compass_lane(result), DOUBTED, smoothed)
     if doubted:
         rrd.lines("smoothed/compass_doubted", doubted, COLORS["sensor"], 5.0)
+    if result.smoothed.closures:
+        edges = [places[[closure.j, closure.i]] for closure in result.smoothed.closures]
+        rrd.lines("closures", edges, COLORS["closure"], 2.0)
     if result.closed_walk:
         rrd.lines("smoothed/closed_walk", [places[[-1, 0]]], COLORS["anchor"], 3.0)
         rrd.points("smoothed/closed_end", places[[0]], None, COLORS["anchor"], 8.0)
@@ -150,6 +154,13 @@ def way_back(rrd: RrdWriter, back: Way) -> None:
     corners = np.array([*(leg[0] for leg in legs), legs[-1][-1]])
     labels = [str(number) for number in range(1, len(corners) + 1)]
     rrd.points("return/turns", corners, labels, COLORS["truth"], 6.0)
+
+
+def matched(rrd: RrdWriter, updates: Sequence[ReturnUpdate], online: Trajectory) -> None:
+    """From where the wearer was believed to be to the breadcrumb of the way out that this is."""
+    t_s = np.array([update.t_s for update in updates])
+    strips = [online.xy_m[[update.k, update.breadcrumb]] for update in updates]
+    rrd.moving_line("return/match", t_s, strips, COLORS["anchor"], 2.0)
 
 
 def ordered(result: WalkResult) -> list[tuple[str, Trajectory]]:

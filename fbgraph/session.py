@@ -69,7 +69,8 @@ class Watcher:
             self.beliefs.append(self._smoother.belief())
             self._next = updates[-1].k + _BELIEF_STEPS
         if self.view is not None:
-            self.view.fed(piece, self._smoother, self.beliefs[before:])
+            told = [update.returning for update in updates if update.returning is not None]
+            self.view.fed(piece, self._smoother, self.beliefs[before:], told)
 
 
 def replay(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +47,13 @@ class Trajectory:
     def distance_m(self) -> FloatArray:
         """(K+1,) horizontal distance walked up to each breadcrumb."""
         return np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(self.x_m), np.diff(self.y_m)))))
+
+    def until(self, breadcrumb: int) -> Trajectory:
+        """The part up to a breadcrumb, it included."""
+        known: dict[str, FloatArray] = {
+            f.name: getattr(self, f.name)[: breadcrumb + 1] for f in fields(self) if getattr(self, f.name) is not None
+        }
+        return Trajectory(**known)
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """(M, 3) position at these times, linear between breadcrumbs, constant before the first and after the last."""

@@ -21,7 +21,10 @@ from fbgraph.pipeline import reconstruct
 from fbgraph.readers import read_log
 from fbgraph.recording import _laps, write_recording
 from fbgraph.result import ESTIMATORS, WalkResult
+from fbgraph.routes import load_route
 from fbgraph.scene import _grouped
+from fbgraph.session import replay
+from fbgraph.simulate import SimulateOptions, simulate
 
 T0_S = 1000.0
 PATHS = {"pdr", "ekf", "smoothed"}
@@ -253,6 +256,23 @@ def test_online_estimate_is_shown_where_there_is_one(walk: WalkResult, tmp_path:
     more = replace(walk, trajectories={**walk.trajectories, "online": walk.trajectories["ekf"]})
     found = set(record(more, tmp_path / "online.rrd"))
     assert {"world/online/path", "map/online/position", "state/yaw_deg/online", "error_m/online"} <= found
+
+
+def test_a_way_back_shows_its_closures_and_what_was_told(tmp_path: Path) -> None:
+    walk = simulate(load_route("out-and-back", 2.0), SimulateOptions(), seed=2)
+    config = load_config("m5stickc", ["returning.at=auto"])
+    result = replay(walk.log, config, chunk_s=1.0, speed=np.inf, on_update=lambda update: None, stop=lambda: False)
+    assert result.returning
+    assert result.smoothed.closures
+    chunks = record(result, tmp_path / "back.rrd")
+    edges = column(chunks["map/closures"], "LineStrips2D:strips", static=True).reshape(-1, 2, 2)
+    ends = [(closure.j, closure.i) for closure in result.smoothed.closures]
+    np.testing.assert_allclose(edges, result.smoothed.trajectory.xy_m[np.array(ends)], atol=1e-4)
+    remaining = column(chunks["return/remaining_m"], "Scalars:scalars")[:, 0]
+    np.testing.assert_allclose(remaining, [update.remaining_m for update in result.returning])
+    assert {"map/return/match", "return/told", "return/cross_track_m", "lanes/way_back", "weights/closure"} <= set(
+        chunks
+    )
 
 
 def test_an_hour_fits(tmp_path: Path) -> None:
