@@ -1,0 +1,5 @@
+"""``python -m fbgraph.cli``."""
+
+from fbgraph.cli import main
+
+main()

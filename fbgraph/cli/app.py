@@ -1,0 +1,101 @@
+"""The application, the options that commands share, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fbgraph import __version__
+from fbgraph.errors import ConfigError, FbgraphError
+
+app = typer.Typer(
+    help="Where somebody walked, from IMU, magnetometer and barometer alone.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="A walk's log file, .gz or not.", show_default=False)]
+ConfigOption = Annotated[
+    str | None,
+    typer.Option(
+        "--config", metavar="PRESET|FILE", help="phone, m5stickc or a TOML file; by the log's format if absent."
+    ),
+]
+SetOption = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one configuration key; repeatable.")
+]
+FormatOption = Annotated[
+    str | None, typer.Option("--format", metavar="NAME", help="Log format; found by content if absent.")
+]
+TruthOption = Annotated[
+    Path | None,
+    typer.Option("--truth", metavar="CSV", help="Known places, for scoring only: t_s,x_m,y_m[,z_m][,floor]."),
+]
+AnchorsOption = Annotated[
+    Path | None,
+    typer.Option("--anchors", metavar="CSV", help="Known places for the smoother: t_s,x_m,y_m[,z_m][,sigma_m]."),
+]
+ClosedLoopOption = Annotated[bool, typer.Option("--closed-loop", help="The walk ends where it began.")]
+OriginOption = Annotated[
+    str | None, typer.Option("--origin", metavar="LAT,LON", help="Where on Earth the walk began, in degrees.")
+]
+ReturnAtOption = Annotated[
+    str | None,
+    typer.Option(
+        "--return-at", metavar="SECONDS|auto|event", help="When the way back begins; directions from then on."
+    ),
+]
+NoRecordingOption = Annotated[bool, typer.Option("--no-recording", help="Write no recording.rrd.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+
+
+def require_rerun() -> None:
+    """Refuse what only works with rerun.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
+    from importlib.util import find_spec
+
+    if find_spec("rerun") is None:
+        raise ConfigError("rerun-sdk is not installed; `pip install rerun-sdk` brings recordings and the viewer")
+
+
+def main() -> None:
+    """Entry point: every error ends as one line on stderr and an exit code (2 usage, 3 data, 4 estimation, 1 else)."""
+    try:
+        app()
+    except FbgraphError as error:
+        _fail(str(error), error.exit_code)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except Exception as error:
+        if os.environ.get("FBGRAPH_DEBUG"):
+            raise
+        _fail(f"unexpected {type(error).__name__}: {error} (set FBGRAPH_DEBUG=1 for the traceback)", 1)
+
+
+def _fail(message: str, code: int) -> None:
+    print(f"fbgraph: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"fbgraph {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass

@@ -1,0 +1,130 @@
+"""Commands that look at runs: view, record, evaluate, guide."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fbgraph.cli.app import (
+    JsonOption,
+    app,
+    require_rerun,
+)
+from fbgraph.cli.printing import print_scores
+from fbgraph.errors import ConfigError
+
+if TYPE_CHECKING:
+    pass
+
+
+@app.command()
+def view(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN|FILE…", help="Run folders or .rrd files.")],
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write what would be shown, open nothing.")
+    ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Show it in a browser.")] = False,
+) -> None:
+    """Open recordings in the Rerun viewer, several side by side under one timeline."""
+    import shutil
+    import subprocess
+    import tempfile
+
+    require_rerun()
+    from fbgraph.side_by_side import compare, recording_of
+
+    with tempfile.TemporaryDirectory(prefix="fbgraph-") as folder:
+        shown = recording_of(runs[0])
+        if len(runs) > 1:
+            shown = Path(folder) / "comparison.rrd"
+            compare(runs, shown)
+        if save is not None:
+            try:
+                shutil.copyfile(shown, save)
+            except OSError as error:
+                raise ConfigError(f"--save {save}: cannot write there: {error.strerror or error}") from error
+            print(f"written to {save}")
+            return
+        command = [sys.executable, "-m", "rerun", str(shown), *(["--web-viewer"] if web else [])]
+        if code := subprocess.run(command).returncode:
+            raise ConfigError(f"the Rerun viewer ended with code {code}; without a screen, --web or --save FILE may do")
+
+
+@app.command()
+def record(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
+    log: Annotated[Path | None, typer.Option(metavar="LOG", help="Where its log is now, if it has moved.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.rrd", help="RUN/recording.rrd if absent.")] = None,
+) -> None:
+    """Write the recording of a run again."""
+    require_rerun()
+    from fbgraph import reruns
+
+    try:
+        print(f"written to {reruns.record(run, out, log)}")
+    except OSError as error:
+        raise ConfigError(f"{out or run}: cannot write there: {error.strerror or error}") from error
+
+
+@app.command()
+def evaluate(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
+    truth: Annotated[Path, typer.Option("--truth", metavar="CSV", help="Known places: t_s,x_m,y_m[,z_m][,floor].")],
+    as_json: JsonOption = False,
+) -> None:
+    """Score a run folder against known places."""
+    from fbgraph.checkpoints import read_checkpoints
+    from fbgraph.exports import read_summary, score_run
+
+    scores = score_run(run, read_checkpoints(truth))
+    if as_json:
+        print(json.dumps(scores, indent=2))
+    else:
+        print_scores(read_summary(run)["log"]["name"], scores)
+
+
+@app.command()
+def guide(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
+    pace_m: Annotated[
+        float | None,
+        typer.Option("--pace-m", metavar="METRES", help="Length of your step; the median of the walk if absent."),
+    ] = None,
+    units: Annotated[str, typer.Option(metavar="metric|steps", help="What comes first.")] = "metric",
+    format_: Annotated[str, typer.Option("--format", metavar="text|json|geojson|gpx|csv", help="To print.")] = "text",
+    estimator: Annotated[
+        str, typer.Option(metavar="smoothed|online|ekf|pdr", help="Whose trajectory to follow.")
+    ] = "smoothed",
+    origin: Annotated[
+        str | None,
+        typer.Option(metavar="LAT,LON", help="Where the walk began, for maps; the run's own georeference if absent."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write there, not to stdout.")] = None,
+) -> None:
+    """Directions back along the breadcrumbs, from the end of a walk to its start."""
+    from fbgraph.exports import read_summary
+    from fbgraph.georeference import parse_origin
+    from fbgraph.runs import read_georeference, read_way
+    from fbgraph.way_maps import format_way
+
+    if units not in ("metric", "steps"):
+        raise ConfigError(f"unknown units {units!r}: expected metric or steps")
+    given = None if origin is None else parse_origin(origin)
+    there = read_way(run, estimator, pace_m)
+    if given is None:
+        where = read_georeference(read_summary(run), str(run))
+    else:
+        x_m, y_m, _ = there.points_m[0]
+        where = given.moved(-x_m, -y_m)
+    text = format_way(there.reversed(), format_, "steps" if units == "steps" else "metric", where)
+    if out is None:
+        print(text, end="")
+        return
+    try:
+        out.write_text(text, "utf-8")
+    except OSError as error:
+        raise ConfigError(f"--out {out}: cannot write there: {error.strerror}") from error

@@ -1,0 +1,139 @@
+"""Commands that need no walk of yours: simulate, study, formats, config."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fbgraph.cli.app import (
+    ConfigOption,
+    JsonOption,
+    SetOption,
+    app,
+)
+from fbgraph.cli.printing import print_table, study_progress_bar
+from fbgraph.errors import ConfigError
+
+if TYPE_CHECKING:
+    pass
+
+
+@app.command()
+def simulate(
+    out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="The M5StickC log to write.", show_default=False)],
+    route: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE", help="obstacle, square, straight, eight, out-and-back, stairs, or x_m,y_m[,z_m] CSV."
+        ),
+    ] = "obstacle",
+    seed: Annotated[int, typer.Option(help="Same seed, same walk.")] = 0,
+    laps: Annotated[int, typer.Option(help="Walk the route so often.")] = 1,
+    scale: Annotated[float, typer.Option(help="Stretch the route.")] = 1.0,
+    duration_s: Annotated[
+        float | None, typer.Option("--duration", metavar="SECONDS", help="Repeat the route for about this long.")
+    ] = None,
+    noise: Annotated[float, typer.Option(help="Sensor errors: 1 as the data sheets say, 0 perfect.")] = 1.0,
+    anomalies: Annotated[float, typer.Option(help="Strength of the iron beside the route.")] = 1.0,
+    variation: Annotated[float, typer.Option(help="Irregularity of the gait; 0 is a metronome.")] = 1.0,
+    shake_s: Annotated[float, typer.Option("--shake", metavar="SECONDS", help="Shake and turn before the walk.")] = 0.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a simulated M5StickC log, and its exact truth beside it as OUT_truth.csv."""
+    from fbgraph.gait import Walker
+    from fbgraph.pipeline import simulate_files
+    from fbgraph.routes import load_route
+    from fbgraph.simulate import SimulateOptions
+
+    walker = Walker(gait_variation=variation, shake_s=shake_s)
+    options = SimulateOptions(walker=walker, noise=noise, anomalies=anomalies, duration_s=duration_s)
+    written = simulate_files(out, load_route(route, scale, laps), options, seed)
+    print(json.dumps(written, indent=2) if as_json else "\n".join(f"{k}: {v}" for k, v in written.items()))
+
+
+@app.command()
+def formats(as_json: JsonOption = False) -> None:
+    """List the log formats that can be read, with an example of each."""
+    from fbgraph.readers import FORMATS, reader
+
+    known = {name: reader(name) for name in FORMATS}
+    if as_json:
+        print(
+            json.dumps(
+                [{"name": n, "description": r.DESCRIPTION, "example": r.EXAMPLE} for n, r in known.items()], indent=2
+            )
+        )
+        return
+    for name, module in known.items():
+        print(f"{name}: {module.DESCRIPTION}")
+        print("".join(f"    {line}\n" for line in module.EXAMPLE.strip().splitlines()))
+
+
+@app.command()
+def study(
+    dataset: Annotated[
+        str,
+        typer.Argument(
+            metavar="DATASET|simulated",
+            help="A CSV a trial, a folder or a zip of them; or simulated.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Study folder; studies/<name> if absent.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of simulated trials; 1 if absent.", show_default=False)] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="The first so many trials; all, or 36.")] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The columns' names: [dataset.columns], as in configs/forestback.toml."),
+    ] = None,
+    config: ConfigOption = None,
+    set_: SetOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Reproduce the ForestBack paper's evaluation, and ours beside it: tables, figures, report."""
+    import shlex
+
+    from fbgraph.config import load_config, load_mapping, parse_config
+    from fbgraph.study.run import SIMULATED, study_files
+
+    simulated = dataset == SIMULATED
+    if seed is not None and not simulated:
+        raise ConfigError("--seed is for simulated trials; a data set has none")
+    effective = load_config(config or "forestback", set_ or ())
+    if effective.dataset.columns == parse_config({}, "").dataset.columns:  # a configuration that says nothing of them
+        columns = load_config("forestback").dataset.columns
+        effective = effective.model_copy(update={"dataset": effective.dataset.model_copy(update={"columns": columns})})
+    if mapping is not None:
+        effective = effective.model_copy(update={"dataset": load_mapping(mapping, effective.dataset)})
+    seed = 1 if seed is None else seed
+    folder = out or Path("studies") / (f"simulated-{seed}" if simulated else Path(dataset).name.partition(".")[0])
+    with study_progress_bar() as progress:
+        result = study_files(dataset, folder, effective, seed, trials, shlex.join(["fbgraph", *sys.argv[1:]]), progress)
+    from fbgraph.study.report import headline, summary, table  # heavy, and by now imported
+
+    if as_json:
+        print(json.dumps({"out": str(folder), **summary(result)}, indent=2))
+        return
+    print(headline(result))
+    head, *rows = table(result)
+    print_table(head, rows)
+    for name, reason in result.skipped:
+        print(f"not used: {name}: {reason}")
+    for text in result.notices:
+        print(f"note: {text}")
+    print(f"written to {folder}")
+
+
+@app.command()
+def config(config: ConfigOption = None, set_: SetOption = None, as_json: JsonOption = False) -> None:
+    """Print the effective configuration as TOML."""
+    from fbgraph.config import dump_toml, load_config
+
+    effective = load_config(config, set_ or ())
+    print(effective.model_dump_json(indent=2) if as_json else dump_toml(effective), end="\n" if as_json else "")

@@ -1,0 +1,106 @@
+"""Tables and progress bars."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fbgraph.pipeline import Progress
+
+
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """A bar of stages on a terminal, nothing elsewhere."""
+    stages = ("read", "steps", "pdr", "ekf", "smoother", "closures", "tables", "recording")
+    if not sys.stderr.isatty():
+        yield lambda stage: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:10}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=len(stages))
+        yield lambda stage: bar.update(task, description=stage, completed=stages.index(stage))
+
+
+def print_summary(summary: dict[str, Any]) -> None:
+    """What a run found, from its summary."""
+    log = summary["log"]
+    low, high = summary["altitude_range_m"]
+    altitude = f"altitude {low:+.1f} to {high:+.1f} m" if log["samples"]["pressure"] else "no barometer"
+    minutes, seconds = divmod(round(log["duration_s"]), 60)
+    print(
+        f"{log['name']} ({log['format']}): {minutes} min {seconds:02d} s, {summary['steps']} steps, "
+        f"{summary['distance_m']:.1f} m, {summary['turns']} turns, {altitude}"
+    )
+    scores = {name: entry.get("score") for name, entry in summary["estimators"].items()}
+    rows = []
+    for name, entry in summary["estimators"].items():
+        end = [f"{value:.2f}" for value in entry["end_m"]]
+        rows.append([name, f"{entry['distance_m']:.1f}", str(entry["turns"]), *end, *_score_cells(scores[name])])
+    heads = ["estimator", "distance m", "turns", "end x m", "end y m", "end z m"]
+    print_table(heads + (_SCORE_HEADS if any(scores.values()) else []), rows)
+    if summary["return"] is not None:
+        _print_return(summary["return"])
+    for text in summary["warnings"]:
+        print(f"note: {text}")
+
+
+def _print_return(way_back: dict[str, Any]) -> None:
+    turned, arrived_s = way_back["turn_back"], way_back["arrived_t_s"]
+    text = f"turned back at {turned['t_s']:.1f} s (breadcrumb {turned['breadcrumb']}"
+    text += f", known at {turned['known_t_s']:.1f} s)"
+    if way_back["steps"]:
+        text += f", {way_back['steps']} steps guided, {way_back['off_route_steps']} of them off the route, "
+        text += f"{way_back['remaining_m']:.1f} m left" if arrived_s is None else f"arrived at {arrived_s:.1f} s"
+    print(f"{text}; {way_back['closures']} closures")
+
+
+_SCORE_HEADS = ["RMSE m", "mean m", "max m", "final m", "scored"]
+
+
+def _score_cells(score: dict[str, Any] | None) -> list[str]:
+    if score is None:
+        return []
+    return [*(f"{score[key]:.2f}" for key in ("rmse_m", "mean_m", "max_m", "final_m")), score["label"]]
+
+
+def print_scores(name: str, scores: dict[str, Any]) -> None:
+    """Scores by estimator, from ``exports.score_run``."""
+    print(f"{name}: {next(iter(scores.values()))['checkpoints']} checkpoints scored")
+    rows = [[name, *_score_cells(score), f"{score['aligned_rmse_m']:.2f}"] for name, score in scores.items()]
+    print_table(["estimator", *_SCORE_HEADS, "aligned RMSE m"], rows)
+
+
+def print_table(heads: list[str], rows: list[list[str]]) -> None:
+    """A table, numbers to the right."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in heads:
+        table.add_column(head, justify="left" if head in ("estimator", "scored", "Metric") else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    # a pipe has no width of its own: give it all the table needs
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
+
+
+@contextmanager
+def study_progress_bar() -> Iterator[Callable[[str, float], None]]:
+    """A bar for each stage on a terminal, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda stage, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:10}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda stage, share: bar.update(task, description=stage, completed=share)

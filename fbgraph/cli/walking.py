@@ -1,0 +1,264 @@
+"""Commands that reconstruct a walk: smooth, online."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fbgraph.cli.app import (
+    AnchorsOption,
+    ClosedLoopOption,
+    ConfigOption,
+    FormatOption,
+    JsonOption,
+    LogArgument,
+    NoRecordingOption,
+    OriginOption,
+    ReturnAtOption,
+    SetOption,
+    TruthOption,
+    app,
+    require_rerun,
+)
+from fbgraph.cli.printing import print_summary, progress_bar
+from fbgraph.errors import ConfigError
+
+if TYPE_CHECKING:
+    from fbgraph.config import Config
+    from fbgraph.georeference import Georeference
+    from fbgraph.live_view import LiveView
+    from fbgraph.online import Update
+
+
+@app.command()
+def smooth(
+    log: LogArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Run folder; runs/<log name> if absent.")
+    ] = None,
+    config: ConfigOption = None,
+    set_: SetOption = None,
+    format_: FormatOption = None,
+    truth: TruthOption = None,
+    anchors: AnchorsOption = None,
+    closed_loop: ClosedLoopOption = False,
+    origin: OriginOption = None,
+    out_and_back: Annotated[
+        bool,
+        typer.Option("--out-and-back/--no-out-and-back", help="Look for a turn-back; tie the way back to the way out."),
+    ] = True,
+    no_recording: NoRecordingOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps."""
+    from fbgraph.checkpoints import read_checkpoints
+    from fbgraph.config import load_config
+    from fbgraph.georeference import parse_origin
+    from fbgraph.pipeline import reconstruct, write_run
+    from fbgraph.readers import preset, read_log
+
+    set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
+    load_config(config, set_)  # a wrong option is told before a long log is read
+    known = None if truth is None else read_checkpoints(truth)
+    anchored = None if anchors is None else read_checkpoints(anchors)
+    where = None if origin is None else parse_origin(origin)
+    with progress_bar() as progress:
+        progress("read")
+        log_file = read_log(log, format_)
+        effective = load_config(config or preset(log_file.log.format), set_)
+        result = reconstruct(
+            log_file.log,
+            effective,
+            known or log_file.truth,
+            anchored,
+            closed_loop,
+            where,
+            _inputs(log, format_, truth, anchors, closed_loop, where),
+            progress,
+        )
+        folder = out or Path("runs") / log_file.log.name
+        summary = write_run(result, folder, recording=not no_recording, progress=progress)
+    if as_json:
+        print(json.dumps({"out": str(folder), **summary}, indent=2))
+    else:
+        print_summary(summary)
+        print(f"written to {folder}")
+
+
+@app.command()
+def online(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="[LOG]", help="A log to replay; none with --source.", show_default=False)
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Run folder.")] = None,
+    source: Annotated[
+        str | None,
+        typer.Option(metavar="SOURCE", help="Live: stdin, serial:PORT[@BAUD], udp://[HOST]:PORT, tcp://[HOST]:PORT."),
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Go on with an interrupted live walk (with --source).")
+    ] = None,
+    speed: Annotated[str, typer.Option(metavar="real|max|FACTOR", help="How fast to replay.")] = "max",
+    chunk: Annotated[float, typer.Option(metavar="SECONDS", min=0.001, help="Replay in pieces this long.")] = 0.1,
+    follow: Annotated[bool, typer.Option("--follow", help="Print a line at each step.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Show the walk in a live Rerun viewer.")] = False,
+    connect: Annotated[
+        str | None, typer.Option(metavar="URL", help="A running Rerun viewer for --view (rerun+http://…/proxy).")
+    ] = None,
+    config: ConfigOption = None,
+    set_: SetOption = None,
+    format_: FormatOption = None,
+    truth: TruthOption = None,
+    anchors: AnchorsOption = None,
+    closed_loop: ClosedLoopOption = False,
+    origin: OriginOption = None,
+    return_at: ReturnAtOption = None,
+    no_recording: NoRecordingOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """The trajectory while walking: replay a log, or follow a live device. Ctrl-C ends the walk, not the data."""
+    from fbgraph import session
+    from fbgraph.checkpoints import read_checkpoints
+    from fbgraph.config import load_config
+    from fbgraph.exports import check_run_folder
+    from fbgraph.georeference import parse_origin
+    from fbgraph.readers import preset, read_log
+    from fbgraph.sources import open_source
+
+    if (log is None) == (source is None):
+        raise ConfigError("name either a LOG to replay or a --source to follow")
+    if source is not None and anchors is not None:
+        raise ConfigError("--anchors needs a LOG: a live device's clock is not known beforehand")
+    set_ = [*(set_ or ()), *([f"returning.at={json.dumps(return_at)}"] if return_at is not None else ())]
+    load_config(config, set_)  # a wrong option is told before a long log is read
+    folder = resume or out
+    if folder is None:
+        if log is None:
+            raise ConfigError("--out DIR says where the walk is kept")
+        folder = Path("runs") / log.name.removesuffix(".gz").rpartition(".")[0]
+    show = _update_printer(follow, as_json)
+    known = None if truth is None else read_checkpoints(truth)
+    where = None if origin is None else parse_origin(origin)
+    inputs = _inputs(log, format_, truth, anchors, closed_loop, where)
+    check_run_folder(folder)
+    stopping = _stop_on_signals()
+    if log is not None:
+        log_file = read_log(log, format_)
+        effective = load_config(config or preset(log_file.log.format), set_ or ())
+        result = session.replay(
+            log_file.log,
+            effective,
+            chunk_s=chunk,
+            speed=_speed(speed),
+            on_update=show,
+            stop=stopping,
+            truth=known or log_file.truth,
+            anchors=None if anchors is None else read_checkpoints(anchors),
+            closed_walk=closed_loop,
+            origin=where,
+            recording=not no_recording,
+            view=_live_view(effective, view, connect),
+            inputs=inputs,
+        )
+    else:
+        assert source is not None
+        effective = session.resumed_config(folder, return_at) if resume else load_config(config or "m5stickc", set_)
+        result = session.live(
+            open_source(source, stopping),
+            folder,
+            effective,
+            on_update=show,
+            resume=resume is not None,
+            closed_walk=closed_loop,
+            truth=known,
+            origin=where,
+            recording=not no_recording,
+            view=_live_view(effective, view, connect),
+            inputs=inputs,
+        )
+    summary = session.write_walk(result, folder, recording=not no_recording)
+    if as_json:
+        print(json.dumps({"out": str(folder), **summary}))
+    else:
+        print_summary(summary)
+        print(f"written to {folder}")
+
+
+def _live_view(config: Config, view: bool, url: str | None) -> LiveView | None:
+    if not view and url is None:
+        return None
+    require_rerun()
+    from fbgraph.live_view import LiveView
+
+    return LiveView(config, url)
+
+
+def _inputs(
+    log: Path | None,
+    format_: str | None,
+    truth: Path | None,
+    anchors: Path | None,
+    closed_walk: bool,
+    origin: Georeference | None,
+) -> dict[str, Any]:
+    """What a run is made from, for ``fbgraph record`` to make it again."""
+    return {
+        "log": None if log is None else str(log.resolve()),
+        "format": format_,
+        "truth": None if truth is None else str(truth.resolve()),
+        "anchors": None if anchors is None else str(anchors.resolve()),
+        "closed_walk": closed_walk,
+        "origin": None if origin is None else [origin.lat_deg, origin.lon_deg],
+    }
+
+
+def _speed(text: str) -> float:
+    if text in ("real", "max"):
+        return 1.0 if text == "real" else float("inf")
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not factor > 0:
+        raise ConfigError(f"--speed {text}: expected real, max or a positive factor")
+    return factor
+
+
+def _stop_on_signals() -> Callable[[], bool]:
+    """Whether SIGINT or SIGTERM came; a second one ends at once."""
+    import signal
+
+    came: list[int] = []
+
+    def note(number: int, _frame: object) -> None:
+        came.append(number)
+        signal.signal(number, signal.SIG_DFL)
+
+    signal.signal(signal.SIGINT, note)
+    signal.signal(signal.SIGTERM, note)
+    return lambda: bool(came)
+
+
+def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
+    def show(update: Update) -> None:
+        if as_json:
+            fields = asdict(update)
+            if fields["returning"] is None:
+                del fields["returning"]
+            print(json.dumps(fields), flush=True)
+        elif follow:
+            from fbgraph.geometry import heading_deg
+
+            print(
+                f"{update.t_s:8.2f} s  step {update.k:5d}  x {update.x_m:8.2f}  y {update.y_m:8.2f}  "
+                f"z {update.z_m:6.2f} m  heading {heading_deg(update.yaw_rad):3.0f}°  {update.distance_m:7.1f} m"
+                + (f"  {update.returning.instruction}" if update.returning else ""),
+                flush=True,
+            )
+
+    return show
