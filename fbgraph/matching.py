@@ -32,6 +32,7 @@ _FORGET = 0.05  # of the device's own horizontal field, a step
 _JUMP, _JUMP_STEPS = 0.07, 1.0  # steps missed or counted twice: share, and how far in steps
 _GAP_M_S, _GAP_MOST_M = 1.0, 20.0  # where the log is silent
 _DRIFT_RAD, _DRIFT_M = math.radians(20.0), 25.0  # of direction on the way back against that on the way out
+_OUTWARD = 0.1  # who walks back along the route is told so as long as that is this likely against walking out
 _ANYWHERE = 0.03  # once lost, a step's chance to be anywhere near
 _ALONG_RAD = math.radians(50.0)
 _ALONG_M = 2.5  # walked along the route before it counts as met again
@@ -138,7 +139,7 @@ class RouteMatcher:
         belief += 1e-12
         self._belief = belief = belief / belief.sum()
 
-        top = int(np.argmax(belief))
+        top = int(np.argmax(np.where(back, belief, _OUTWARD * belief)))
         lo, hi = max(top - reach, 0), top + reach + 1
         weight = belief[lo:hi]
         mass = float(weight.sum())

@@ -15,6 +15,7 @@ import numpy as np
 from fbgraph.config import load_config
 from fbgraph.online import OnlineSmoother
 from fbgraph.routes import load_route
+from fbgraph.session import pieces
 from fbgraph.simulate import SimulateOptions, simulate
 
 
@@ -34,8 +35,7 @@ def online(window_steps: int, steps: int, piece_s: float = 0.1) -> str:
     log = simulate(load_route("square"), SimulateOptions(duration_s=steps / 1.7)).log
     smoother, took_ms = OnlineSmoother(config), []
     memory_kb = resident_kb()
-    for start_s in np.arange(0.0, log.duration_s, piece_s):
-        piece = log.between(start_s, start_s + piece_s)
+    for piece, _ in pieces(log, piece_s, np.inf, lambda: False):
         begin = time.perf_counter()
         updates = smoother.feed(piece)
         if len(updates) == 1:

@@ -27,6 +27,7 @@ from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.returning import ReturnGuide
 from fbgraph.routes import Route, load_route
+from fbgraph.session import pieces
 from fbgraph.simulate import SimulatedWalk, SimulateOptions, simulate
 from fbgraph.steps import StepTrack
 from fbgraph.trajectory import Trajectory
@@ -50,10 +51,10 @@ def follow(log: SensorLog, config: Config, at: str, piece_s: float = PIECE_S) ->
     guide = ReturnGuide(config.model_copy(update={"returning": config.returning.model_copy(update={"at": at})}))
     smoother = OnlineSmoother(config, companion=guide)
     rows = []
-    for start_s in np.arange(0.0, log.duration_s + piece_s, piece_s):
-        for update in smoother.feed(log.between(start_s if start_s else -np.inf, start_s + piece_s)):
+    for piece, until_s in pieces(log, piece_s, np.inf, lambda: False):
+        for update in smoother.feed(piece):
             if update.returning is not None:
-                rows.append((start_s + piece_s, update.returning))
+                rows.append((min(until_s, log.duration_s), update.returning))
     return Returned(rows, guide, smoother.track)
 
 

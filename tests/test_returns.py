@@ -25,6 +25,7 @@ from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.returning import RETURN_HEADER, ReturnGuide, instruction
 from fbgraph.routes import Route, load_route
+from fbgraph.session import pieces
 from fbgraph.simulate import SimulatedWalk, simulate, write_m5stickc_csv
 from fbgraph.trajectory import read_tum
 from fbgraph.turnback import Crumb, TurnBack, TurnBackDetector
@@ -44,12 +45,12 @@ def load_script() -> ModuleType:
 returns = load_script()
 
 
-def guided(log: SensorLog, at: str, chunk_s: float = 0.5) -> ReturnGuide:
-    config = load_config("m5stickc", [f'returning.at="{at}"'])
+def guided(log: SensorLog, at: str, chunk_s: float = 0.5, device: str = "m5stickc") -> ReturnGuide:
+    config = load_config(device, [f'returning.at="{at}"'])
     guide = ReturnGuide(config)
     smoother = OnlineSmoother(config, companion=guide)
-    for start_s in np.arange(0.0, log.duration_s + chunk_s, chunk_s):
-        smoother.feed(log.between(start_s if start_s else -np.inf, start_s + chunk_s))
+    for piece, _ in pieces(log, chunk_s, np.inf, lambda: False):
+        smoother.feed(piece)
     smoother.finish()
     return guide
 
@@ -93,6 +94,16 @@ def test_museum(shared_data: Path) -> None:
     assert sum(w.off_route for w in walks) == 0
     assert sum(w.closures for w in walks) > 50
     assert sum(w.wrong for w in walks) == 0
+
+
+def test_who_walks_back_along_a_spur_is_not_sent_out_again(shared_data: Path) -> None:
+    """The route goes into a dead end and out again: the legs lie side by side, but only one is the way back."""
+    log_file = read_log(shared_data / "ipin2023" / "TrainingTrial01_repetition03.txt.gz")
+    guide = guided(log_file.log, "auto", device=preset(log_file.log.format))
+    remaining_m = np.array([update.remaining_m for update in guide.updates])
+    assert len(remaining_m) > 50
+    assert np.diff(remaining_m).max() < 2.0
+    assert not [update for update in guide.updates if update.instruction == "turn around"]
 
 
 @pytest.mark.parametrize("seed", range(3))
