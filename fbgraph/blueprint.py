@@ -159,7 +159,7 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         return curves(name, f"legs/{what}")
 
     truth = bool(there("error_m"))
-    shares = (3, 1, 2) if "summary" in entities else (1, 2)
+    shares = (3, 1.5, 2) if "summary" in entities else (1, 2)
     beside = [*text("Summary", "summary"), *lanes(), *(error() if truth else sure() or heading())]
     shown = [f"{root}/map/**", f"- {root}/map/believed/**", f"- {root}/map/return/**"]
     walk = plan("Map, North up", shown)
@@ -182,14 +182,14 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
             curves("Steps found [m/s²]", "steps", "state/acc_norm_m_s2"),
             curves("Step length [m]", "state/step_length_m"),
             curves("Step frequency [Hz]", "state/step_frequency_hz"),
-            legs("length_percent", "Error of length from checkpoint to checkpoint [%]"),
+            legs("length_percent", "Error of length, straight from checkpoint to checkpoint [%]"),
         ),
     ]
     if altitude := curves("Altitude above the start [m]", "state/altitude_m"):
         result.append(rrb.Vertical(*altitude, name="Altitude"))
     if truth:
-        beside = [*legs("length_percent", "Error of length from checkpoint to checkpoint [%]")]
-        beside += legs("direction_deg", "Error of direction from checkpoint to checkpoint [°]")
+        beside = [*legs("length_percent", "Error of length, straight from checkpoint to checkpoint [%]")]
+        beside += legs("direction_deg", "Error of direction, straight from checkpoint to checkpoint [°]")
         result.append(rrb.Vertical(*error(), *beside, name="Error"))
     if there("map/believed"):
         name = (
@@ -203,7 +203,7 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         name = "The way back, its turns numbered as in the list"
         known = [f"{root}/map/return/**", f"{root}/map/smoothed/ends", f"{root}/map/legend/north", f"{root}/map"]
         told = "return/told" in entities
-        live = [rrb.TextLogView(name="Told while walking back", origin=f"{root}/return/told")] * told
+        live = [rrb.TextLogView(name="Told while walking back", origin=f"{root}/return/told", columns=_texts())] * told
         right = rrb.Vertical(
             *text("How to go", "return/instructions"),
             *live,
@@ -240,10 +240,19 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
             name="Raw sensors",
         )
     )
-    log = [rrb.TextLogView(name="Events of the log", origin=f"{root}/events")] if "events" in entities else []
+    log = (
+        [rrb.TextLogView(name="Events of the log", origin=f"{root}/events", columns=_texts())]
+        if "events" in entities
+        else []
+    )
     if summary := text("Summary", "summary"):
         result.append(rrb.Horizontal(*summary, *log, name="Summary"))
     return result
+
+
+def _texts() -> rrb.TextLogColumns:
+    """Of a log: when, and what."""
+    return rrb.TextLogColumns(timeline_columns=["time"], text_log_columns=["Body"])
 
 
 def _whole_time() -> rrb.TimeAxis:
@@ -254,12 +263,14 @@ def _whole_time() -> rrb.TimeAxis:
 def _space_view(frame: Frame | None, origin: str) -> rrb.View:
     """The walk in space, seen from the South and above."""
     name = "3-D, seen from the South"
+    contents = [f"{origin}/**", f"- {origin}/return/**", f"- {origin}/events/**", f"- {origin}/smoothed/times/**"]
     if frame is None:
-        return rrb.Spatial3DView(name=name, origin=origin)
+        return rrb.Spatial3DView(name=name, origin=origin, contents=contents)
     middle = np.array([(frame.x_min_m + frame.x_max_m) / 2.0, (frame.y_min_m + frame.y_max_m) / 2.0, 0.0])
     return rrb.Spatial3DView(
         name=name,
         origin=origin,
+        contents=contents,
         eye_controls=rrb.EyeControls3D(
             position=middle + frame.size_m * np.array([0.0, -0.8, 0.75]), look_target=middle, eye_up=(0.0, 0.0, 1.0)
         ),

@@ -229,8 +229,8 @@ def warnings(result: WalkResult) -> list[str]:
     norm = track.mag_norm_ut[np.isfinite(track.mag_norm_ut)]
     if len(norm) and np.percentile(norm, 95) - np.percentile(norm, 5) > 0.3 * np.median(norm):
         found.append(
-            f"magnetic disturbance: field strength {np.percentile(norm, 5):.0f} to {np.percentile(norm, 95):.0f} µT "
-            "at nine of ten steps"
+            f"magnetic disturbance: the field is usually {np.median(norm):.0f} µT strong, {norm.min():.0f} to "
+            f"{norm.max():.0f} µT at the extremes"
         )
     return found
 
@@ -294,12 +294,14 @@ def summary_markdown(summary: dict[str, Any]) -> str:
         "|---|---|---|---|---|---|",
     ]
     told = {"unaided": "nothing", "closed": "its end is its start", "anchored": "anchors"}
+    closures = (summary.get("return") or {}).get("closures", 0)
     for name, entry in summary["estimators"].items():
         x_m, y_m, _ = (round(value, 1) + 0.0 for value in entry["end_m"])
         row = f"| {LABELS[name]} | {x_m:.1f}, {y_m:.1f} |"
         if "score" in entry:
             s = entry["score"]
-            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {told[s['label']]} |"
+            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {told[s['label']]}"
+            row += f"; found {closures} closures |" if closures and name == "smoothed" else " |"
         else:
             row += " – | – | – | no truth |"
         lines.append(row)
@@ -310,6 +312,7 @@ def summary_markdown(summary: dict[str, Any]) -> str:
         ]
     lines += ["", "## Warnings", *(f"- {text}" for text in summary["warnings"])] if summary["warnings"] else []
     worth = [f for f in findings if f["kind"] != "gyro_bias"]
+    worth.sort(key=lambda f: f["kind"] != "truth")  # what is wrong before what may be its cause
     if worth:
         lines += ["", "## Worth a look"]
     for f in worth:

@@ -20,7 +20,7 @@ Lane = list[tuple[float, str | None]]
 """Changes of state in order of time: since when (seconds), what; None is nothing to tell."""
 
 STANDING, WALKING, MOVING = "standing still", "walking", "moving, no steps"
-TRUSTED, DOUBTED = "trusted", "doubted"
+TRUSTED, DOUBTED = "consistent", "doubted"
 ON_ROUTE, OFF_ROUTE, ARRIVED = "way back", "off route", "arrived"
 
 _HALF = 0.5  # of the usual pull; a compass that is left less is doubted
@@ -30,6 +30,7 @@ _PAUSE_S = 3.0  # walking without a step for longer is told
 _SHOWN_S = 1.0  # how long a moment is shown
 _BLINK_S = 1.0  # a shorter stretch of neither standing nor walking is neither's end
 _SLOW, _FAST = 0.7, 1.4  # of the usual step frequency
+_SAME_HEIGHT_M = 0.5  # passes of one place that differ by more in altitude are told
 _MOST = 5  # stretches of one kind that are told
 
 
@@ -230,6 +231,10 @@ def _places(result: WalkResult) -> list[Finding]:
             f"{both[0]:.1f} m apart as smoothed (median), {both[1]:.1f} m by the EKF, which was not told"
         )
         found.append(Finding("closure", float(track.t_s[closures[0].j]), float(track.t_s[closures[-1].j]), text))
+        higher_m = float(np.median([smoothed.z_m[c.j] - smoothed.z_m[c.i] for c in closures]))
+        if abs(higher_m) > _SAME_HEIGHT_M:
+            text = f"by the barometer the way back lies {higher_m:+.1f} m above the way out: air pressure changed meanwhile"
+            found.append(Finding("altitude", float(track.t_s[closures[0].j]), float(track.t_s[closures[-1].j]), text))
     for name, k, place in told:
         at_s = float(track.t_s[k])
         near, before = np.hypot(*(smoothed.xy_m[k] - place)), np.hypot(*(free[k] - place))
@@ -277,7 +282,9 @@ def _bias(result: WalkResult) -> list[Finding]:
     bias = np.degrees(smoothed.gyro_bias_rad_s)
     sigma = smoothed.sigma_bias_rad_s
     give = f" ± {2.0 * np.degrees(sigma[-1]):.2f}" if sigma is not None else ""
-    text = f"gyroscope bias {bias[-1]:+.2f}{give} °/s (2σ) at the end; " + (
-        f"it moved between {bias.min():+.2f} and {bias.max():+.2f} °/s" if np.ptp(bias) >= 0.01 else "it did not move"
+    text = f"gyroscope's bias by the smoother {bias[-1]:+.2f}{give} °/s (2σ) at the end; " + (
+        f"it moved between {bias.min():+.2f} and {bias.max():+.2f} °/s"
+        if np.ptp(bias) >= 0.01
+        else "the same all along"
     )
     return [Finding("gyro_bias", float(smoothed.t_s[-1]), float(smoothed.t_s[-1]), text)]

@@ -64,11 +64,13 @@ class Beliefs:
     def __init__(self) -> None:
         self._settled = np.empty((0, 2))
         self._last: Belief | None = None
+        self._kept: list[Belief] = []
 
     def add(self, rrd: RrdWriter, beliefs: Sequence[Belief]) -> None:
         """Log the next ones."""
         if not beliefs:
             return
+        self._kept += beliefs
         settled: list[tuple[float, FloatArray]] = []
         for belief in beliefs:
             if self._last is not None and belief.first > self._last.first:
@@ -88,6 +90,13 @@ class Beliefs:
         """Log the finished walk as the last belief."""
         if self._last is None:
             return
+        quarter = max(len(self._kept) // 4, 1)
+        for part, belief in enumerate(self._kept[quarter::quarter][:3]):
+            radii, colors = rr.Radius.ui_points(1.0), [(*COLORS["online"], FAINT)]
+            minutes, seconds = divmod(round(belief.t_s), 60)
+            label = f"believed at {minutes}:{seconds:02d}"
+            strip = rr.LineStrips2D([belief.xy_m], colors=colors, radii=radii, labels=[label])
+            rrd.fixed(f"map/believed/earlier/{part + 1}", strip)
         end_s = smoothed.t_s[-1:] + 1e-3
         rrd.moving_line("believed/moving", end_s, [smoothed.xy_m], COLORS["online"], 2.0)
         if len(self._settled):
