@@ -153,7 +153,7 @@ def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow:
         if narrow:
             return stacked(name, (1.4, lanes()), *((2, view) for view in views))
         grid = rrb.Grid(*(view for some in views for view in some), grid_columns=2)
-        return rrb.Vertical(*lanes(), grid, row_shares=[1, 5][-1 - len(lanes()) :], name=name)
+        return rrb.Vertical(*lanes(), grid, row_shares=[1.3, 5][-1 - len(lanes()) :], name=name)
 
     def legs(what: str, name: str) -> list[rrb.View]:
         return curves(name, f"legs/{what}")

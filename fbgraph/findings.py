@@ -233,7 +233,7 @@ def _places(result: WalkResult) -> list[Finding]:
         found.append(Finding("closure", float(track.t_s[closures[0].j]), float(track.t_s[closures[-1].j]), text))
         higher_m = float(np.median([smoothed.z_m[c.j] - smoothed.z_m[c.i] for c in closures]))
         if abs(higher_m) > _SAME_HEIGHT_M:
-            text = f"by the barometer the way back lies {higher_m:+.1f} m above the way out: air pressure changed meanwhile"
+            text = f"by the barometer the way back lies {higher_m:+.1f} m above the way out: its pressure drifted"
             found.append(Finding("altitude", float(track.t_s[closures[0].j]), float(track.t_s[closures[-1].j]), text))
     for name, k, place in told:
         at_s = float(track.t_s[k])

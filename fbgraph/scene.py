@@ -260,8 +260,11 @@ def _legend(rrd: RrdWriter, frame: Frame, scores: dict[str, float], result: Walk
         ("events", "event", "event of the log"),
     )
     known += [(color, text) for entity, color, text in extras if f"map/{entity}" in rrd.entities]
-    row_m = frame.row_m
-    rows = np.array([(frame.legend_x_m, frame.y_max_m - row_m * i) for i in range(len(known) + 3)])
+    count = len(known) + 3
+    row_m = min(frame.row_m, frame.size_m / count)
+    # beside the walk, or about its middle if that is flatter than the legend
+    top_m = max(frame.y_max_m, (frame.y_min_m + frame.y_max_m + row_m * count) / 2.0)
+    rows = np.array([(frame.legend_x_m, top_m - row_m * i) for i in range(count)])
     rrd.fixed(
         "map/legend/colors",
         rr.Points2D(
