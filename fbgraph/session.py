@@ -174,7 +174,7 @@ def live(
         out.mkdir(parents=True, exist_ok=True)
         for name in os.listdir(out):
             (out / name).unlink()
-    (out / "config.toml").write_text(dump_toml(config), "utf-8")
+    _keep_config(config, out)
     rest = b""
     with open(raw_path, "ab", buffering=0) as raw:
         for data in source:
@@ -186,6 +186,16 @@ def live(
     feed(None)
     result = _result(saved_log(raw_path), smoother, guide, watcher, config, truth, None, closed_walk)
     return replace(result, origin=origin, inputs={**(inputs or {}), "log": RAW})
+
+
+def _keep_config(config: Config, out: Path) -> None:
+    """Write ``config.toml``, at once or not at all: a walk killed meanwhile must go on as it began."""
+    text, path = dump_toml(config), out / "config.toml"
+    if path.is_file() and path.read_text("utf-8") == text:
+        return
+    partial = out.parent / f".{out.name}.config.toml"
+    partial.write_text(text, "utf-8")
+    partial.replace(path)
 
 
 def resumed_config(out: Path, return_at: str | None = None) -> Config:
