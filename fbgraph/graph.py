@@ -13,6 +13,7 @@ step that ends at k, so "moved L forward" holds in the frame of k:
     standing still  B(k)                mean yaw rate of a rest is the bias  PriorFactorDouble
     anchor          X(k)                a known place, Huber                 PoseTranslationPrior2D
     closed walk     X(K)                the end is the start                 PoseTranslationPrior2D
+    closure         X(i), X(j)          the same place again, Cauchy         BetweenFactorPose2 (``fbgraph.closures``)
 
 A Pose2's yaw is additive in its tangent space, so the linear heading factor is exact, not an approximation.
 """
