@@ -50,6 +50,10 @@ class LevelledSignals:
     def __len__(self) -> int:
         return len(self.index)
 
+    def head(self, count: int) -> LevelledSignals:
+        """The first ``count`` samples."""
+        return LevelledSignals(*[getattr(self, name)[:count] for name in _SIGNALS])
+
     def tail(self, count: int) -> LevelledSignals:
         """The last ``count`` samples."""
         start = max(len(self) - count, 0)

@@ -51,6 +51,14 @@ class Checkpoints:
         """(M, 2)."""
         return np.column_stack((self.x_m, self.y_m))
 
+    def in_frame_of(self, other: Checkpoints | None) -> Checkpoints:
+        """The same places in another's frame, where both are known on Earth; else as they are."""
+        if other is None or self.georeference is None or other.georeference is None:
+            return self
+        origin = np.array([[self.georeference.lat_deg, self.georeference.lon_deg]])
+        dx_m, dy_m = other.georeference.local_m(origin)[0]
+        return replace(self, x_m=self.x_m + dx_m, y_m=self.y_m + dy_m, georeference=other.georeference)
+
     def select(self, which: slice | FloatArray) -> Checkpoints:
         """The checkpoints at these indices."""
         fields = ("t_s", "x_m", "y_m", "z_m", "floor", "sigma_m")

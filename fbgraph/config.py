@@ -55,8 +55,6 @@ class AttitudeConfig(Section):
     """Largest standard deviation of |acc| while standing still."""
     still_gyro_rad_s: Positive = 0.12
     """Largest standard deviation of the angular rate while standing still (a hand trembles)."""
-    mag_window_s: Positive = 20.0
-    """Memory of the local field's usual norm and dip."""
     altitude_tau_s: Positive = 1.0
     """Time constant of the altitude low-pass."""
 

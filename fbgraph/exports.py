@@ -29,9 +29,10 @@ from fbgraph.turns import find_turns
 
 BREADCRUMB_HEADER = "k,t_s,x_m,y_m,z_m,yaw_rad,gyro_bias_rad_s,sigma_x_m,sigma_y_m,cov_xy_m2,sigma_z_m,sigma_yaw_rad"
 RETURNS = "return.csv"
-_RUN_FILES = {
+RAW = "raw.csv"
+RUN_FILES = {
     *(f"{name}.tum" for name in ("pdr", "ekf", "smoothed", "online")),
-    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", "raw.csv", "return.csv"),
+    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", RAW, RETURNS),
 }
 
 
@@ -42,9 +43,11 @@ def run_folder(out: Path) -> Iterator[Path]:
     An earlier run at ``out`` is replaced; anything else there is left alone.
 
     Raises:
-        ConfigError: ``out`` is a file or a folder that is not a run, or its parent cannot be written.
+        ConfigError: ``out`` is a file, a folder that is not a run or that of a live walk, or its parent cannot be
+            written.
     """
     check_run_folder(out)
+    require_no_raw(out)
     with whole_folder(out) as folder:
         yield folder
 
@@ -77,8 +80,18 @@ def check_run_folder(out: Path) -> None:
     Raises:
         ConfigError: ``out`` is a file, or a folder with files that no run wrote.
     """
-    if out.exists() and (not out.is_dir() or {entry.name for entry in out.iterdir()} - _RUN_FILES):
+    if out.exists() and (not out.is_dir() or {entry.name for entry in out.iterdir()} - RUN_FILES):
         raise ConfigError(f"--out {out}: exists and is not a run folder; name another, or remove it")
+
+
+def require_no_raw(out: Path) -> None:
+    """Refuse to replace the only copy of a live walk.
+
+    Raises:
+        ConfigError: ``out`` holds one.
+    """
+    if (out / RAW).is_file():
+        raise ConfigError(f"--out {out}: holds {RAW}, the only copy of a live walk; name another folder")
 
 
 def write_tables(result: WalkResult, folder: Path, summary: dict[str, Any]) -> None:
@@ -144,7 +157,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
             "end_m": [float(axis[-1]) for axis in (trajectory.x_m, trajectory.y_m, trajectory.z_m)],
             "turns": len(find_turns(trajectory)),
         }
-        if result.truth is not None:
+        if result.truth is not None and len(result.truth) > 1:
             label, alignment = score_label(name, result.anchors is not None, result.closed_walk)
             entry["score"] = score_entry(trajectory, result.truth, log.t0_s, label, alignment)
         estimators[name] = entry
@@ -219,13 +232,18 @@ def warnings(result: WalkResult) -> list[str]:
     """What the user should know before believing the result."""
     log, track = result.log, result.track
     found = list(log.notices)
+    compass = bool(np.isfinite(track.yaw_mag_rad).any())
+    if result.truth is not None and len(result.truth) < 2:
+        found.append("not scored: the truth has one checkpoint, and the walk is moved to agree with the first")
     gaps = int((track.chained == 0).sum())
     if gaps:
-        found.append(f"{gaps} gap(s) in the log during the walk: direction across them rests on the compass alone")
+        across = "rests on the compass alone" if compass else "is not known: there is no compass"
+        found.append(f"{gaps} gap(s) in the log during the walk: direction across them {across}")
     if len(track) - 1 < 10:
         found.append(f"only {len(track) - 1} steps")
     if not (track.rest_s > 0).any():
-        found.append("the wearer never stood still: the gyroscope's bias was found from the compass alone")
+        by = "was found from the compass alone" if compass else "is not known: there is no compass either"
+        found.append(f"the wearer never stood still: the gyroscope's bias {by}")
     norm = track.mag_norm_ut[np.isfinite(track.mag_norm_ut)]
     if len(norm) and np.percentile(norm, 95) - np.percentile(norm, 5) > 0.3 * np.median(norm):
         found.append(

@@ -67,7 +67,12 @@ class GraphBuilder:
     """
 
     def __init__(
-        self, config: GraphConfig, compass: bool = True, free_origin: bool = False, aided: bool = False
+        self,
+        config: GraphConfig,
+        compass: bool = True,
+        free_origin: bool = False,
+        turned: bool = False,
+        aided: bool = False,
     ) -> None:
         """A builder for one walk.
 
@@ -75,11 +80,13 @@ class GraphBuilder:
             config: weights.
             compass: whether the first step has one; else the first direction is the reference of all others.
             free_origin: places are known in a frame of their own, so the first breadcrumb is not its origin.
+            turned: of these places there are at least two, so that they also tell the walk's direction.
             aided: places are known: let the steps stretch by the error they share, as no node carries it.
         """
         self._config = config
         self._compass = compass
         self._free_origin = free_origin
+        self._turned = turned
         shared = config.sigma_length_scale * math.sqrt(config.aided_length_steps) if aided else 0.0
         self._sigma_length_rel = math.hypot(config.sigma_length_rel, shared)
         self._k = -1
@@ -117,7 +124,7 @@ class GraphBuilder:
         graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), _sigmas(sigma, sigma)))
         graph.push_back(gtsam.PriorFactorDouble(Z(0), 0.0, _sigmas(_FIXED)))
         graph.push_back(gtsam.PriorFactorDouble(B(0), 0.0, _sigmas(self._config.sigma_bias_rad_s)))
-        sigma = _FREE_RAD if self._compass or self._free_origin else _FIXED
+        sigma = _FREE_RAD if self._compass or self._turned else _FIXED
         graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), _sigmas(sigma)))
 
     def _add_length(self, k: int, step: Step, previous: Step, graph: Graph) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
+import numpy as np
+
 from fbgraph.attitude import LevelledSignals
 from fbgraph.blueprint import blueprint
 from fbgraph.config import Config
@@ -17,6 +19,7 @@ from fbgraph.recording import Recorder
 from fbgraph.result import WalkResult
 from fbgraph.rrd import RrdWriter
 
+_CONFIRMED_S = 3.0  # steps are found this late at most
 _EVERY_S = 0.2  # of wall time: a viewer is sent what came since, however fast it comes
 
 
@@ -43,6 +46,7 @@ class LiveView:
         self._signals: list[LevelledSignals] = []
         self._beliefs: list[Belief] = []
         self._returning: list[ReturnUpdate] = []
+        self._held: list[LevelledSignals] = []  # until the steps in them are known
         self._steps = 0
         self._arranged: set[str] = set()
         self._due_s = 0.0
@@ -67,6 +71,8 @@ class LiveView:
     def finished(self, result: WalkResult, smoother: OnlineSmoother, summary_markdown: str) -> None:
         """Show the finished walk."""
         self._flush(smoother)
+        if self._held:
+            self._recorder.wearer(LevelledSignals.concatenate(self._held), result.track)
         self._recorder.clock(result.smoothed.trajectory)
         for name, trajectory in result.trajectories.items():
             if name == "smoothed":
@@ -82,16 +88,19 @@ class LiveView:
         pieces, self._pieces, self._signals = self._pieces, [], []
         if signals is not None and len(pieces):
             self._recorder.samples(SensorLog.concatenate(pieces), signals)
-        if not smoother.steps:
-            if signals is not None:
-                self._recorder.wearer(signals, None)
+            self._held.append(signals)
+        if len(smoother.steps) == self._steps:
             return
         track, first = smoother.track, self._steps
         online = smoother.causal
         self._recorder.clock(online)
         self._recorder.steps(track, first)
-        if signals is not None:
-            self._recorder.wearer(signals, track)
+        if self._held:
+            held = LevelledSignals.concatenate(self._held)
+            known = int(np.searchsorted(held.t_s, track.t_s[-1] - _CONFIRMED_S))
+            if known > 0:
+                self._recorder.wearer(held.head(known), track)
+            self._held = [held.tail(len(held) - known)] if known < len(held) else []
         if len(track) > first:
             trajectories = {
                 "pdr": dead_reckon(track, self._config.step_length),

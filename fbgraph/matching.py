@@ -22,7 +22,8 @@ from fbgraph.config import ReturnConfig
 from fbgraph.geometry import BoolArray, FloatArray, wrap_scalar
 from fbgraph.outbound import Outbound
 
-_BIN_M, _MOST_BINS = 0.25, 2000
+_BIN_M = 0.25
+_WINDOW_BINS = 1000  # on either side of where the wearer is: further away nobody gets in a step
 _SIDE_M = 1.0  # the direction of the route at a place is that over this distance to either side
 _PEAK_M = 3.0  # the match is read out within this distance of the belief's peak
 _STEP_M = 0.65
@@ -72,7 +73,7 @@ class RouteMatcher:
         self._outbound = outbound
         at = outbound.level_m
         total = float(at[-1])
-        self._bin_m = max(_BIN_M, total / _MOST_BINS)
+        self._bin_m = _BIN_M
         self._grid = np.minimum(np.arange(0.0, total + self._bin_m, self._bin_m), total)
         self._route = np.interp(self._grid, at, outbound.route_m)
         self._x, self._y = (np.interp(self._grid, at, axis) for axis in (outbound.x_m, outbound.y_m))
@@ -119,34 +120,38 @@ class RouteMatcher:
             self._spread(min(_GAP_M_S * gap_s, _GAP_MOST_M))
         config = self._config
         yaw_rad -= self._turned_rad
-        cosine = math.cos(yaw_rad) * self._cos + math.sin(yaw_rad) * self._sin
+        window = self._window()
+        grid, x, y, cos, sin = (a[window] for a in (self._grid, self._x, self._y, self._cos, self._sin))
+        cosine = math.cos(yaw_rad) * cos + math.sin(yaw_rad) * sin
         back = cosine < 0.0
         aside = np.arccos(np.minimum(np.abs(cosine), 1.0))
         self._px += length_m * math.cos(yaw_rad)
         self._py += length_m * math.sin(yaw_rad)
         self._var += config.drift_m**2 * length_m
-        squared = (self._px - self._x) ** 2 + (self._py - self._y) ** 2
+        squared = (self._px - x) ** 2 + (self._py - y) ** 2
         bound_m = config.corridor_m + 2.0 * math.sqrt(self._var)
 
-        belief = self._predicted(level_m, cosine)
+        belief = self._predicted(window, level_m, cosine)
         before = int(np.argmax(belief))
         reach = int(_PEAK_M / self._bin_m)
         lost = self._off or math.sqrt(float(squared[max(before - reach, 0) : before + reach + 1].min())) > bound_m
         if lost:
             near = np.exp(-0.5 * squared / (config.sigma_place_m**2 + 4.0 * self._var))
             belief = (1.0 - _ANYWHERE) * belief + _ANYWHERE * near / (near.sum() + 1e-9)
-        belief *= self._likelihood(level_m, squared, aside, back, field_ut, altitude_m, 3.0 if lost else 1.0)
+        belief *= self._likelihood(window, level_m, squared, aside, back, field_ut, altitude_m, 3.0 if lost else 1.0)
         belief += 1e-12
-        self._belief = belief = belief / belief.sum()
+        belief = belief / belief.sum()
+        self._belief = np.zeros(len(self._grid))
+        self._belief[window] = belief
 
         top = int(np.argmax(np.where(back, belief, _OUTWARD * belief)))
         lo, hi = max(top - reach, 0), top + reach + 1
         weight = belief[lo:hi]
         mass = float(weight.sum())
-        at_m = float(weight @ self._grid[lo:hi]) / mass
-        sigma_m = math.sqrt(float(weight @ (self._grid[lo:hi] - at_m) ** 2) / mass) + (1.0 - mass) * _PEAK_M
-        at = min(round(at_m / self._bin_m), len(self._grid) - 1)
-        dx, dy = self._px - float(self._x[at]), self._py - float(self._y[at])
+        at_m = float(weight @ grid[lo:hi]) / mass
+        sigma_m = math.sqrt(float(weight @ (grid[lo:hi] - at_m) ** 2) / mass) + (1.0 - mass) * _PEAK_M
+        at = min(round(at_m / self._bin_m) - window.start, len(grid) - 1)
+        dx, dy = self._px - float(x[at]), self._py - float(y[at])
 
         local_m = math.sqrt(float(squared[lo:hi].min()))
         along = aside[at] < _ALONG_RAD and local_m < config.corridor_m + math.sqrt(self._var)
@@ -163,17 +168,17 @@ class RouteMatcher:
             self._py -= gain * dy
             self._var *= 1.0 - gain
             sign = -1.0 if back[at] else 1.0
-            away = wrap_scalar(yaw_rad - math.atan2(sign * float(self._sin[at]), sign * float(self._cos[at])))
+            away = wrap_scalar(yaw_rad - math.atan2(sign * float(sin[at]), sign * float(cos[at])))
             if abs(away) < _DRIFT_RAD:
                 turned_rad = self._turned_rad + min(length_m / _DRIFT_M, 1.0) * away
                 self._turned_rad = min(max(turned_rad, -_DRIFT_RAD), _DRIFT_RAD)
             if math.isfinite(field_ut[1]):
-                self._level_shift_ut += _FORGET * (field_ut[1] - float(self._level[at]) - self._level_shift_ut)
+                self._level_shift_ut += _FORGET * (field_ut[1] - float(self._level[window][at]) - self._level_shift_ut)
 
         route_m = float(np.interp(at_m, self._grid, self._route))
         closest = lo + int(np.argmin(squared[lo:hi])) if not self._off else int(np.argmin(squared))
-        to_route = math.atan2(float(self._y[closest]) - self._py, float(self._x[closest]) - self._px)
-        cross_m = dx * float(self._sin[at]) - dy * float(self._cos[at])
+        to_route = math.atan2(float(y[closest]) - self._py, float(x[closest]) - self._px)
+        cross_m = dx * float(sin[at]) - dy * float(cos[at])
         if self._off:  # as far as the nearest place of it, on the same side
             cross_m = math.copysign(math.sqrt(float(squared[closest])), cross_m)
         return Match(
@@ -194,14 +199,22 @@ class RouteMatcher:
         self._belief = np.convolve(self._belief, kernel / kernel.sum())[reach : reach + len(self._grid)]
         self._var += sigma_m**2
 
-    def _predicted(self, level_m: float, cosine: FloatArray) -> FloatArray:
+    def _window(self) -> slice:
+        """The bins to look at: near where the wearer is, or, off the route, all."""
+        if self._off:
+            return slice(0, len(self._grid))
+        top = int(np.argmax(self._belief))
+        return slice(max(top - _WINDOW_BINS, 0), min(top + _WINDOW_BINS, len(self._grid)))
+
+    def _predicted(self, window: slice, level_m: float, cosine: FloatArray) -> FloatArray:
         """The belief moved by a step, along the route as far as it leads along the route."""
-        count = len(self._grid)
-        moved = self._grid + level_m * np.clip(1.2 * cosine, -1.0, 1.0)
-        cell = np.clip(moved / self._bin_m, 0.0, count - 1.0)
+        before = self._belief[window]
+        count = len(before)
+        moved = self._grid[window] + level_m * np.clip(1.2 * cosine, -1.0, 1.0)
+        cell = np.clip(moved / self._bin_m - window.start, 0.0, count - 1.0)
         low = cell.astype(np.int64)
-        upper = self._belief * (cell - low)
-        belief = np.bincount(low, self._belief - upper, count + 1) + np.bincount(low + 1, upper, count + 1)
+        upper = before * (cell - low)
+        belief = np.bincount(low, before - upper, count + 1) + np.bincount(low + 1, upper, count + 1)
         offset = np.arange(-8, 9) * self._bin_m
         narrow = np.exp(-0.5 * (offset / math.hypot(self._config.sigma_step_rel * level_m, 0.5 * self._bin_m)) ** 2)
         wide = np.exp(-0.5 * (offset / (_JUMP_STEPS * level_m)) ** 2)
@@ -210,6 +223,7 @@ class RouteMatcher:
 
     def _likelihood(
         self,
+        window: slice,
         level_m: float,
         squared: FloatArray,
         aside: FloatArray,
@@ -223,11 +237,12 @@ class RouteMatcher:
         log = place * _PLACE * _tailed(squared / (config.sigma_place_m**2 + self._var))
         log += _TURN * (_tailed((aside / config.sigma_turn_rad) ** 2) - ~back)
         share = min(level_m / _STEP_M, 1.5)
-        up_ut, level_ut = field_ut[0] - self._up, field_ut[1] - self._level_shift_ut - self._level
+        up_ut = field_ut[0] - self._up[window]
+        level_ut = field_ut[1] - self._level_shift_ut - self._level[window]
         if math.isfinite(up_ut[0]):
             log += share * _MAG * _tailed((up_ut / config.sigma_mag_ut) ** 2)
             log += share * _LEVEL * _tailed((level_ut / config.sigma_mag_ut) ** 2)
-        climbed_m = altitude_m - self._altitude
+        climbed_m = altitude_m - self._altitude[window]
         if math.isfinite(climbed_m[0]):
             log += _ALTITUDE * _tailed((climbed_m / config.sigma_altitude_m) ** 2)
         return np.asarray(np.exp(log - log.max()))

@@ -31,6 +31,7 @@ from fbgraph.residuals import factor_residuals
 from fbgraph.smoother import Smoothed, on_deep_stack, smooth, tie_way_back, trajectory_of
 from fbgraph.steps import FrontEnd, Step, StepTrack
 from fbgraph.trajectory import Trajectory
+from fbgraph.turnback import TurnBack
 
 _KEEP = 1e6  # a relinearisation threshold that is never reached: positions and biases are linear given yaw
 
@@ -110,6 +111,7 @@ class OnlineSmoother:
         closed_walk: bool = False,
         *,
         companion: Companion | None = None,
+        believe_steps: int = 0,
     ) -> None:
         """A smoother for one walk.
 
@@ -119,6 +121,7 @@ class OnlineSmoother:
             t0_s: brings the samples' times to the anchors' clock.
             closed_walk: ``finish`` may assume that the walk ended where it began.
             companion: told every step; its closures enter the graph from the next step on.
+            believe_steps: keep a ``Belief`` every so many steps; none if 0.
         """
         self._config = config
         self._front_end = FrontEnd(config)
@@ -137,6 +140,11 @@ class OnlineSmoother:
         self._window: list[Graph] = []  # the factors that came with each breadcrumb of the window
         self._first = 0  # breadcrumb where the window begins
         self._isam = gtsam.ISAM2(_isam_params(config, anchors is not None))
+        self.turn_back: TurnBack | None = None
+        """Where ``finish`` found that the walk turns back, if the companion had not."""
+        self.beliefs: list[Belief] = []
+        """What the walk was taken to be at every ``believe_steps``-th step, if anybody wants to know."""
+        self._believe_steps = believe_steps
         self.signals: LevelledSignals | None = None
         """What the last ``feed`` levelled, for who wants to show it."""
 
@@ -205,7 +213,7 @@ class OnlineSmoother:
         smoothed = self._finish()
         if self._config.returning.out_and_back and not self._closures:
             known = (self._config, self._anchors, self._t0_s, self._closed_walk)
-            smoothed, _ = tie_way_back(smoothed, self.track, self.estimate(), *known)
+            smoothed, self.turn_back = tie_way_back(smoothed, self.track, self.estimate(), *known)
         return smoothed
 
     def _finish(self) -> Smoothed:
@@ -270,6 +278,7 @@ class OnlineSmoother:
             self._config.graph,
             compass=math.isfinite(first.yaw_mag_rad),
             free_origin=anchored,
+            turned=self._anchors is not None and len(self._anchors) > 1,
             aided=anchored or self._closed_walk,
         )
 
@@ -314,6 +323,8 @@ class OnlineSmoother:
             self._close(closures)
             update = replace(update, returning=told)
             self._updates[k] = update
+        if self._believe_steps and k and k % self._believe_steps == 0:
+            self.beliefs.append(self.belief())
         return update
 
     def _close(self, closures: Iterable[Closure]) -> None:
@@ -398,7 +409,7 @@ class OnlineSmoother:
         for graph in self._window[:split]:
             older.push_back(graph)
         for closure in self._closures:
-            if self._first <= closure.j <= join:
+            if self._first < closure.j <= join:
                 older.push_back(self._closure_factor(closure, self._first))
         gone = gtsam.Ordering()
         for k in range(self._first, join):

@@ -82,7 +82,7 @@ def reconstruct(
         track=track,
         trajectories={"pdr": pdr, "ekf": ekf, "smoothed": smoothed.trajectory},
         smoothed=smoothed,
-        truth=truth,
+        truth=None if truth is None else truth.in_frame_of(anchors),
         anchors=anchors,
         closed_walk=closed_walk,
         seconds=seconds,

@@ -298,7 +298,7 @@ class Recorder:
 
     def _way_back(self, result: WalkResult) -> None:
         """Where the way back leads, and how it is told."""
-        log, compass = result.log, len(result.log.mag) > 0 or result.anchors is not None
+        log, compass = result.log, len(result.log.mag) > 0 or (result.anchors is not None and len(result.anchors) > 1)
         events = [(event.t_s, event.label) for event in log.events]
         walked = result.smoothed.trajectory
         if result.turn_back is not None and result.returning:  # the wearer has gone back already: that way

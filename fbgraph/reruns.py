@@ -10,7 +10,7 @@ import numpy as np
 
 from fbgraph.config import load_config
 from fbgraph.errors import DataError
-from fbgraph.exports import read_summary, summarize, summary_markdown
+from fbgraph.exports import RAW, read_summary, summarize, summary_markdown
 from fbgraph.georeference import Georeference
 from fbgraph.pipeline import reconstruct
 from fbgraph.result import WalkResult
@@ -42,8 +42,8 @@ def again(run: Path, log_path: Path | None = None) -> WalkResult:
     anchors = read_checkpoints(Path(inputs["anchors"])) if inputs.get("anchors") else None
     origin = Georeference(*inputs["origin"]) if inputs.get("origin") else None
     closed_walk, chunk_s = bool(inputs.get("closed_walk")), inputs.get("online_chunk_s")
-    if inputs["log"] == session.RAW:
-        log, chunk_s = session.saved_log(run / session.RAW), chunk_s or 0.1
+    if inputs["log"] == RAW:
+        log, chunk_s = session.saved_log(run / RAW), chunk_s or 0.1
     else:
         path = log_path or Path(inputs["log"])
         if not path.exists():

@@ -75,7 +75,7 @@ def factor_residuals(graph: Graph, values: Values) -> tuple[Residuals, ...]:
             # the factor sees k-1 from k, where forward is negative
             rows["step_length"].append((k, -float(whitened[0]), weight))
             rows["step_sideways"].append((k, -float(whitened[1]), weight))
-        elif (name := _name(kind, keys[0].chr(), k, weight, factor)) is not None:
+        elif (name := _name(kind, keys[0].chr(), k, factor)) is not None:
             value = float(whitened[0]) if len(whitened) == 1 else float(np.hypot(whitened[0], whitened[1]))
             rows[name].append((k, value, weight))
     return tuple(
@@ -84,7 +84,7 @@ def factor_residuals(graph: Graph, values: Values) -> tuple[Residuals, ...]:
     )
 
 
-def _name(kind: str, state: int, k: int, weight: float, factor: Any) -> str | None:
+def _name(kind: str, state: int, k: int, factor: Any) -> str | None:
     """Which row of the graph's table a factor is; None for the priors that fix the origin."""
     if kind == "PoseTranslationPrior2D":
         if _is_robust(factor):

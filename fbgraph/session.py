@@ -18,10 +18,10 @@ from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import Config, dump_toml, load_config
 from fbgraph.ekf import run_ekf
 from fbgraph.errors import ConfigError, DataError
-from fbgraph.exports import RETURNS, check_run_folder, summarize, summary_markdown
+from fbgraph.exports import RAW, RUN_FILES, check_run_folder, require_no_raw, summarize, summary_markdown
 from fbgraph.georeference import Georeference
 from fbgraph.log import SensorLog
-from fbgraph.online import Belief, OnlineSmoother, Update
+from fbgraph.online import OnlineSmoother, Update
 from fbgraph.pdr import dead_reckon
 from fbgraph.pipeline import write_files
 from fbgraph.readers.base import OPTIONAL_SENSORS
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from fbgraph.live_view import LiveView
 
 OnUpdate = Callable[[Update], None]
-RAW = "raw.csv"
+_TAIL_BYTES, _BLOCK_BYTES = 1 << 16, 1 << 21
 _BELIEF_STEPS = 5  # as often as iSAM2 relinearises
 
 
@@ -52,25 +52,13 @@ def pieces(log: SensorLog, chunk_s: float, speed: float, stop: Callable[[], bool
         yield log.between(start_s, until_s), until_s
 
 
-class Watcher:
-    """Keeps what a recording wants to know of a walk in progress, and shows it in a viewer."""
-
-    def __init__(self, smoother: OnlineSmoother, recording: bool, view: LiveView | None) -> None:
-        self.beliefs: list[Belief] = []
-        self.view = view
-        self._smoother = smoother
-        self._wanted = recording or view is not None
-        self._next = 1
-
-    def fed(self, piece: SensorLog, updates: list[Update]) -> None:
-        """Note what the smoother was just fed."""
-        before = len(self.beliefs)
-        if self._wanted and updates and updates[-1].k >= self._next:
-            self.beliefs.append(self._smoother.belief())
-            self._next = updates[-1].k + _BELIEF_STEPS
-        if self.view is not None:
-            told = [update.returning for update in updates if update.returning is not None]
-            self.view.fed(piece, self._smoother, self.beliefs[before:], told)
+def _show(
+    view: LiveView | None, piece: SensorLog, smoother: OnlineSmoother, updates: list[Update], before: int
+) -> None:
+    """Tell a viewer what the smoother was just fed; it had ``before`` beliefs then."""
+    if view is not None:
+        told = [update.returning for update in updates if update.returning is not None]
+        view.fed(piece, smoother, smoother.beliefs[before:], told)
 
 
 def replay(
@@ -106,17 +94,18 @@ def replay(
         EstimationError: the solver failed.
     """
     guide = ReturnGuide(config)
-    smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk, companion=guide)
-    watcher = Watcher(smoother, recording, view)
+    believe_steps = _BELIEF_STEPS if recording or view is not None else 0
+    smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk, companion=guide, believe_steps=believe_steps)
     fed_until_s = -np.inf
     for piece, until_s in pieces(log, chunk_s, speed, stop):
+        before = len(smoother.beliefs)
         updates = smoother.feed(piece)
         for update in updates:
             on_update(update)
-        watcher.fed(piece, updates)
+        _show(view, piece, smoother, updates, before)
         fed_until_s = until_s
     seen = log.between(-np.inf, fed_until_s)
-    result = _result(seen, smoother, guide, watcher, config, truth, anchors, closed_walk)
+    result = _result(seen, smoother, guide, view, config, truth, anchors, closed_walk)
     stopped_s = fed_until_s if np.isfinite(fed_until_s) else None
     return replace(result, origin=origin, inputs={**(inputs or {}), "online_chunk_s": chunk_s, "until_s": stopped_s})
 
@@ -156,21 +145,24 @@ def live(
     """
     raw_path = out / RAW
     reader, guide = LiveReader(out.name), ReturnGuide(config)
-    smoother = OnlineSmoother(config, closed_walk=closed_walk, companion=guide)
-    watcher = Watcher(smoother, recording, view)
+    believe_steps = _BELIEF_STEPS if recording or view is not None else 0
+    smoother = OnlineSmoother(config, closed_walk=closed_walk, companion=guide, believe_steps=believe_steps)
 
     def feed(lines: list[str] | None, tell: bool = True) -> None:
         piece = reader.finish() if lines is None else reader.push(lines)
+        before = len(smoother.beliefs)
         updates = smoother.feed(piece)
         for update in updates if tell else ():
             on_update(update)
-        watcher.fed(piece, updates)
+        _show(view, piece, smoother, updates, before)
 
     if resume:
+        _cut_torn_line(raw_path)
         for line_block in _saved_lines(raw_path):
             feed(line_block, tell=False)
     else:
         check_run_folder(out)
+        require_no_raw(out)
         out.mkdir(parents=True, exist_ok=True)
         for name in os.listdir(out):
             (out / name).unlink()
@@ -184,7 +176,7 @@ def live(
             raw.write(complete + newline)
             feed(complete.decode("latin-1").split("\n"))
     feed(None)
-    result = _result(saved_log(raw_path), smoother, guide, watcher, config, truth, None, closed_walk)
+    result = _result(saved_log(raw_path), smoother, guide, view, config, truth, None, closed_walk)
     return replace(result, origin=origin, inputs={**(inputs or {}), "log": RAW})
 
 
@@ -240,22 +232,30 @@ def saved_log(raw_path: Path) -> SensorLog:
     )
 
 
-def _saved_lines(raw_path: Path) -> Iterator[list[str]]:
-    """Blocks of complete lines; a line torn by a crash is cut off the file."""
+def _cut_torn_line(raw_path: Path) -> None:
+    """Take off what a crash left of a last line, before others are added."""
     with open(raw_path, "rb+") as raw:
-        content = raw.read()
-        whole = content.rfind(b"\n") + 1
-        raw.truncate(whole)
-    lines = content[:whole].decode("latin-1").split("\n")[:-1]
-    for at in range(0, len(lines), 20_000):
-        yield lines[at : at + 20_000]
+        size = raw.seek(0, os.SEEK_END)
+        tail = b""
+        while size and b"\n" not in tail:
+            size = max(size - _TAIL_BYTES, 0)
+            raw.seek(size)
+            tail = raw.read(_TAIL_BYTES)
+        raw.truncate(size + tail.rfind(b"\n") + 1)
+
+
+def _saved_lines(raw_path: Path) -> Iterator[list[str]]:
+    """Blocks of complete lines; one torn by a crash is left out."""
+    with open(raw_path, "rb") as raw:
+        while lines := raw.readlines(_BLOCK_BYTES):
+            yield [line[:-1].decode("latin-1") for line in lines if line.endswith(b"\n")]
 
 
 def _result(
     log: SensorLog,
     smoother: OnlineSmoother,
     guide: ReturnGuide,
-    watcher: Watcher,
+    view: LiveView | None,
     config: Config,
     truth: Checkpoints | None,
     anchors: Checkpoints | None,
@@ -277,15 +277,21 @@ def _result(
             "online": smoother.causal,
         },
         smoothed=smoothed,
-        truth=truth,
+        truth=None if truth is None else truth.in_frame_of(anchors),
         anchors=anchors,
         closed_walk=closed_walk,
-        beliefs=tuple(watcher.beliefs),
-        turn_back=guide.turn_back,
+        beliefs=tuple(smoother.beliefs),
+        turn_back=guide.turn_back or smoother.turn_back,
         returning=tuple(guide.updates),
     )
-    if watcher.view is not None:
-        watcher.view.finished(result, smoother, summary_markdown(summarize(result)))
+    try:
+        text = summary_markdown(summarize(result))
+    except DataError as error:  # truth of another walk is no reason to lose this one
+        log = replace(log, notices=(*log.notices, f"not scored: {error}"))
+        result = replace(result, truth=None, log=log)
+        text = summary_markdown(summarize(result))
+    if view is not None:
+        view.finished(result, smoother, text)
     return result
 
 
@@ -299,9 +305,11 @@ def write_walk(result: WalkResult, out: Path, recording: bool = True) -> dict[st
         DataError: truth that does not belong to this log.
     """
     out.mkdir(parents=True, exist_ok=True)
-    (out / RETURNS).unlink(missing_ok=True)  # of an earlier run
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
         summary = write_files(result, Path(folder), recording)
-        for path in Path(folder).iterdir():
-            path.replace(out / path.name)
+        written = {path.name for path in Path(folder).iterdir()}
+        for name in written:
+            (Path(folder) / name).replace(out / name)
+    for name in RUN_FILES - written - {RAW}:  # of an earlier run
+        (out / name).unlink(missing_ok=True)
     return summary

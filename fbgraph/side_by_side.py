@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -85,8 +86,8 @@ def _names(paths: Sequence[Path]) -> list[str]:
         path = path.resolve()
         name = path.parent.name if path.name == RECORDING else path.stem if path.is_file() else path.name
         name = "".join(c if c.isalnum() or c in "-_." else "_" for c in name)
-        count = sum(known == name or known.startswith(f"{name}_") for known in names)
-        names.append(f"{name}_{count + 1}" if count else name)
+        numbered = (f"{name}_{number}" for number in itertools.count(2))
+        names.append(name if name not in names else next(other for other in numbered if other not in names))
     return names
 
 

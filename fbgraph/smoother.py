@@ -169,6 +169,7 @@ def build(
         config,
         compass=bool(np.isfinite(track.yaw_mag_rad[1])),
         free_origin=anchors is not None,
+        turned=anchors is not None and len(anchors) > 1,
         aided=anchors is not None or closed_walk,
     )
     columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))

@@ -13,6 +13,7 @@ from fbgraph.trajectory import Trajectory
 
 MIN_TURN_RAD = math.radians(30.0)
 _SHORTEST_STEPS = 3  # fewer steps in a direction of their own are part of a turn
+_LONGEST_STEPS = 1000  # pieces that end so long ago are not looked at again: the cost would grow with the square
 _TURN_STEPS = 2  # steps on either side of a turn that may still be turning
 _ARC_PACES = 3.5  # two turns the same way about a shorter leg are one
 _ARC_RAD = math.radians(150.0)  # if they make more than this, they are one only about a leg that is
@@ -91,7 +92,7 @@ def _change_points(values: FloatArray, penalty: float) -> list[int]:
         cost = best[starts] + misfit
         at = int(np.argmin(cost))
         best[end], last[end] = cost[at] + penalty, starts[at]
-        starts = np.append(starts[cost <= best[end]], end - _SHORTEST_STEPS + 1)
+        starts = np.append(starts[cost <= best[end]][-_LONGEST_STEPS:], end - _SHORTEST_STEPS + 1)
     cuts = []
     cut = int(last[count])
     while cut > 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -17,9 +17,6 @@ from fbgraph.cli.app import (
 )
 from fbgraph.cli.printing import print_table, study_progress_bar
 from fbgraph.errors import ConfigError
-
-if TYPE_CHECKING:
-    pass
 
 
 @app.command()

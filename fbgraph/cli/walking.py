@@ -132,6 +132,12 @@ def online(
 
     if (log is None) == (source is None):
         raise ConfigError("name either a LOG to replay or a --source to follow")
+    if resume is not None and source is None:
+        raise ConfigError("--resume goes on with a live walk: name its --source")
+    if resume is not None and (config is not None or set_):
+        raise ConfigError("--resume goes on with the walk's own configuration: leave out --config and --set")
+    if resume is not None and out is not None and out != resume:
+        raise ConfigError("--resume DIR is where the walk is kept: leave out --out")
     if source is not None and anchors is not None:
         raise ConfigError("--anchors needs a LOG: a live device's clock is not known beforehand")
     set_ = [*(set_ or ()), *([f"returning.at={json.dumps(return_at)}"] if return_at is not None else ())]
@@ -140,7 +146,7 @@ def online(
     if folder is None:
         if log is None:
             raise ConfigError("--out DIR says where the walk is kept")
-        folder = Path("runs") / log.name.removesuffix(".gz").rpartition(".")[0]
+        folder = Path("runs") / (log.name.removesuffix(".gz").rpartition(".")[0] or log.name)
     show = _update_printer(follow, as_json)
     known = None if truth is None else read_checkpoints(truth)
     where = None if origin is None else parse_origin(origin)
