@@ -17,6 +17,7 @@ from fbgraph.errors import DataError
 from fbgraph.geometry import FloatArray
 from fbgraph.georeference import Georeference
 
+_SLACK_S = 5.0
 _ALIASES = {"t_app_s": "t_s", "east_m": "x_m", "north_m": "y_m", "up_m": "z_m"}
 
 
@@ -50,6 +51,22 @@ class Checkpoints:
     def xy_m(self) -> FloatArray:
         """(M, 2)."""
         return np.column_stack((self.x_m, self.y_m))
+
+    def require_within(self, start_s: float, end_s: float) -> None:
+        """Refuse places of another log or clock.
+
+        Args:
+            start_s, end_s: of the log, on the clock of ``t_s``; a few seconds more are allowed.
+
+        Raises:
+            DataError: one of them lies outside.
+        """
+        outside = np.flatnonzero((self.t_s < start_s - _SLACK_S) | (self.t_s > end_s + _SLACK_S))
+        if len(outside):
+            raise DataError(
+                f"{self.source}: the anchor at {self.t_s[outside[0]]:.1f} s lies outside the log "
+                f"({start_s:.1f} to {end_s:.1f} s): another log's, or another clock"
+            )
 
     def in_frame_of(self, other: Checkpoints | None) -> Checkpoints:
         """The same places in another's frame, where both are known on Earth; else as they are."""

@@ -84,6 +84,16 @@ def check_run_folder(out: Path) -> None:
         raise ConfigError(f"--out {out}: exists and is not a run folder; name another, or remove it")
 
 
+def require_free(path: Path, option: str) -> None:
+    """Refuse to write onto a file of a run.
+
+    Raises:
+        ConfigError: ``path``, named by ``option``, is one.
+    """
+    if path.name in RUN_FILES and any((path.parent / name).is_file() for name in ("summary.json", RAW)):
+        raise ConfigError(f"{option} {path}: that is a run's own file; name another")
+
+
 def require_no_raw(out: Path) -> None:
     """Refuse to replace the only copy of a live walk.
 
@@ -263,6 +273,10 @@ def read_summary(run: Path) -> dict[str, Any]:
         summary = json.loads((run / "summary.json").read_text("utf-8"))
         return {**summary, "log": summary["log"], "estimators": summary["estimators"]}
     except (OSError, ValueError, KeyError, TypeError) as error:
+        if (run / RAW).is_file():
+            raise DataError(
+                f"{run}: a live walk that has not ended; `fbgraph online --source … --resume {run}` goes on with it"
+            ) from error
         raise DataError(f"{run}: not a run folder (no readable summary.json); `fbgraph smooth` makes one") from error
 
 

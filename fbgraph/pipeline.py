@@ -51,9 +51,11 @@ def reconstruct(
         progress: told each stage.
 
     Raises:
-        DataError: no step in the log.
+        DataError: no step in the log, or an anchor that lies outside it.
         EstimationError: the smoother failed.
     """
+    if anchors is not None:
+        anchors.require_within(log.t0_s + log.acc.t_s[0], log.t0_s + log.acc.t_s[-1])
     seconds: dict[str, float] = {}
 
     @contextmanager

@@ -47,7 +47,8 @@ def again(run: Path, log_path: Path | None = None) -> WalkResult:
     else:
         path = log_path or Path(inputs["log"])
         if not path.exists():
-            raise DataError(f"{run}: its log {path} is not there any more; say where it is now with --log")
+            where = f"--log {path}: no such file" if log_path else f"its log {path} is not there any more"
+            raise DataError(f"{run}: {where}; say where it is now with --log")
         log_file = read_log(path, inputs.get("format"))
         log, truth = log_file.log, truth or log_file.truth
     if inputs.get("until_s") is not None:

@@ -94,6 +94,8 @@ def read_way(run: Path, estimator: str = "smoothed", pace_m: float | None = None
     """
     summary = read_summary(run)
     trajectory = read_trajectory(run, estimator)
+    if len(trajectory) != summary.get("steps", len(trajectory) - 1) + 1:
+        raise DataError(f"{run}: {len(trajectory)} breadcrumbs, but {summary['steps']} steps: smooth the log again")
     graph = load_config(str(run / "config.toml")).graph
     anchored = estimator == "smoothed" and summary.get("anchors", 0) > 1  # in the anchors' own frame
     compass = anchored or summary["log"].get("samples", {}).get("mag", 1) > 0

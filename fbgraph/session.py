@@ -93,6 +93,8 @@ def replay(
         DataError: no step in the log.
         EstimationError: the solver failed.
     """
+    if anchors is not None:
+        anchors.require_within(log.t0_s + log.acc.t_s[0], log.t0_s + log.acc.t_s[-1])
     guide = ReturnGuide(config)
     believe_steps = _BELIEF_STEPS if recording or view is not None else 0
     smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk, companion=guide, believe_steps=believe_steps)

@@ -69,13 +69,22 @@ def compare(paths: Sequence[Path], out: Path) -> None:
     rrd.save(out, arranged(rrb.Tabs(*views)))
 
 
+def require_walk(path: Path) -> None:
+    """Whether this is a recording of a walk.
+
+    Raises:
+        DataError: it is not.
+    """
+    _chunks(path)
+
+
 def _chunks(path: Path) -> list[Chunk]:
     try:
         chunks = list(RrdReader(path).stream().to_chunks())
     except (RuntimeError, ValueError, OSError) as error:
         raise DataError(f"{path}: not a readable Rerun file: {str(error).splitlines()[0]}") from error
     if not any(chunk.entity_path.lstrip("/").startswith("map/") for chunk in chunks):
-        raise DataError(f"{path}: a Rerun file, but not a recording of a walk by fbgraph")
+        raise DataError(f"{path}: not the recording of one walk by fbgraph, or damaged")
     return chunks
 
 

@@ -14,6 +14,7 @@ from fbgraph.guidance import MIN_CLIMB_M, Climb, Leg, Way
 Units = Literal["metric", "steps"]
 
 _WINDS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+_THERE_M = 2.0  # who is nearer to the start than this is there
 _NEAR_STEPS = 1.5  # a landmark within so many steps of a turn is at the turn
 _CSV_COLUMNS = (
     *("leg", "instruction", "turn_deg", "heading_deg", "length_m", "steps", "rise_m", "remaining_m"),
@@ -113,6 +114,9 @@ def as_text(way: Way, units: Units = "metric") -> str:
         f"{'Way back' if way.back else 'Way'} of {way.name}: {distance_text(way.length_m, way.pace_m, units)}, "
         f"{turns} turn{'' if turns == 1 else 's'}. A step is {way.pace_m:.2f} m."
     ]
+    apart_m = math.dist(way.points_m[0][:2], way.points_m[-1][:2])
+    if way.back and apart_m < max(2.0 * (way.sigma_m or 0.0), _THERE_M):
+        lines += ["", f"The walk ended {_metres(apart_m)} from its start: this is all of it once more, backwards."]
     *sentences, arrival = instructions(way, units)
     for i, (leg, sentence) in enumerate(zip(way.legs, sentences, strict=True)):
         lines += ["", f"{i + 1:3d}. {sentence}"]

@@ -252,7 +252,12 @@ def test_a_folder_without_a_walk_is_bad_data(guide: Guide, run: Path, tmp_path: 
     broken = tmp_path / "broken"
     shutil.copytree(run, broken)
     lines = (broken / "breadcrumbs.csv").read_text().splitlines()
-    for content, cause in ((lines[:3], "1 step(s)"), (lines[:1], "breadcrumbs"), (lines[1:], "header"), ([], "header")):
+    for content, cause in (
+        (lines[:3], "2 breadcrumbs"),
+        (lines[:1], "breadcrumbs"),
+        (lines[1:], "header"),
+        ([], "header"),
+    ):
         (broken / "breadcrumbs.csv").write_text("\n".join(content) + "\n")
         assert cause in guide(broken, code=3)
     (broken / "breadcrumbs.csv").unlink()

@@ -13,14 +13,16 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import X
+from scipy.ndimage import gaussian_filter1d
 
-from fbgraph.closures import Closure, closure_factor
+from fbgraph.closures import Closure, ClosureMaker, closure_factor
 from fbgraph.config import load_config
 from fbgraph.errors import ConfigError
 from fbgraph.log import SensorLog
-from fbgraph.matching import Match, ReturnUpdate
+from fbgraph.matching import Match, ReturnUpdate, RouteMatcher
 from fbgraph.metrics import score
 from fbgraph.online import OnlineSmoother
+from fbgraph.outbound import Outbound
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.returning import RETURN_HEADER, ReturnGuide, instruction
@@ -306,3 +308,33 @@ def test_closures_help_the_smoother_on_ways_back_and_leave_others_alone(shared_d
         scores.append(pair)
     alone, tied_m = np.mean(scores, axis=0)
     assert tied_m < 0.95 * alone
+
+
+def test_a_route_of_kilometres_is_matched_as_finely_as_a_short_one() -> None:
+    """Three kilometres out and back, without errors: on the route all the way, to the start, and closures on it."""
+    length_m, count = 0.7, 4300
+    yaw = 0.6 * np.sin(np.arange(count) / 40.0)
+    way_m = np.cumsum(length_m * np.exp(1j * yaw))
+    at_m = length_m * np.arange(count)
+    field = gaussian_filter1d(np.random.default_rng(1).normal(size=(count, 2)), 4.0, axis=0)
+    field *= 6.0 / field.std()
+    outbound = Outbound(
+        t_s=np.arange(count) * 0.6,
+        x_m=way_m.real,
+        y_m=way_m.imag,
+        route_m=at_m,
+        level_m=at_m,
+        mag_up_ut=field[:, 0],
+        mag_level_ut=field[:, 1],
+        altitude_m=np.zeros(count),
+    )
+    config = load_config("m5stickc").returning
+    matcher, maker, closures, off = RouteMatcher(outbound, config), ClosureMaker(outbound, config), 0, 0
+    for k in range(count - 1, 0, -1):
+        match = matcher.advance(length_m, length_m, float(yaw[k] + np.pi), (field[k, 0], field[k, 1]), 0.0)
+        closure = maker.advance(2 * count - k, length_m, match)
+        closures += closure is not None
+        off += match.off_route
+        assert abs(match.route_m - at_m[k - 1]) < 3.0
+    assert off == 0
+    assert closures > 500

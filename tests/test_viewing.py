@@ -205,3 +205,44 @@ def test_without_rerun_a_walk_is_smoothed_and_says_so(folder: Path, tmp_path: Pa
     assert "rerun-sdk" in json.loads((run / "summary.json").read_text())["warnings"][-1]
     for command in (("view", run), ("record", run), ("online", folder / "walk.csv", "--view")):
         assert "rerun-sdk" in fbgraph(*command, code=2, PYTHONPATH=str(site)).stderr
+
+
+def test_a_runs_own_files_are_not_written_over(folder: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(folder / "smooth", run)
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    assert "own file" in fbgraph("view", run, folder / "online", "--save", run / "recording.rrd", code=2).stderr
+    assert "own file" in fbgraph("record", run, "--out", run / "summary.json", code=2).stderr
+    assert "own file" in fbgraph("guide", run, "--out", run / "breadcrumbs.csv", code=2).stderr
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    (run / "recording.rrd").write_bytes(b"no")
+    assert "recording.rrd" in fbgraph("view", run, "--save", tmp_path / "x.rrd", code=3).stderr
+    lines = (run / "breadcrumbs.csv").read_text().splitlines()
+    (run / "breadcrumbs.csv").write_text("\n".join(lines[: len(lines) // 2]) + "\n", "utf-8")
+    assert "breadcrumbs" in fbgraph("guide", run, code=3).stderr
+
+
+def test_the_raw_lines_of_a_live_walk_are_never_replaced(folder: Path, tmp_path: Path) -> None:
+    run = tmp_path / "live"
+    command = [sys.executable, "-m", "fbgraph.cli", "online", "--source", "stdin", "--out", str(run)]
+    lines = (folder / "walk.csv").read_bytes()
+    subprocess.run(command, input=lines, check=True, capture_output=True, timeout=120)
+    assert "raw.csv" in fbgraph("smooth", run / "raw.csv", "--out", run, code=2).stderr
+    again = subprocess.run(command, input=b"", check=False, capture_output=True, timeout=120)
+    assert again.returncode == 2
+    assert (run / "raw.csv").read_bytes() == lines
+    assert "--source" in fbgraph("online", folder / "walk.csv", "--resume", run, code=2).stderr
+
+
+def test_truth_that_cannot_score_does_not_cost_the_walk(folder: Path, tmp_path: Path) -> None:
+    one = tmp_path / "one.csv"
+    one.write_text("t_s,x_m,y_m\n6.0,0,0\n", "utf-8")
+    printed = fbgraph("smooth", folder / "walk.csv", "--truth", one, "--out", tmp_path / "a", "--no-recording").stdout
+    assert "not scored" in printed
+    late = tmp_path / "late.csv"
+    late.write_text("t_s,x_m,y_m\n1e6,0,0\n2e6,1,1\n", "utf-8")
+    arguments = (folder / "walk.csv", "--truth", late, "--no-recording")
+    assert "not scored" in fbgraph("online", *arguments, "--out", tmp_path / "b").stdout
+    assert (
+        "outside" in fbgraph("smooth", folder / "walk.csv", "--anchors", late, "--out", tmp_path / "c", code=3).stderr
+    )

@@ -32,10 +32,14 @@ def view(
     import tempfile
 
     require_rerun()
-    from fbgraph.side_by_side import compare, recording_of
+    from fbgraph.exports import require_free
+    from fbgraph.side_by_side import compare, recording_of, require_walk
 
     with tempfile.TemporaryDirectory(prefix="fbgraph-") as folder:
         shown = recording_of(runs[0])
+        if save is not None:
+            require_free(save, "--save")
+            require_walk(shown)
         if len(runs) > 1:
             shown = Path(folder) / "comparison.rrd"
             compare(runs, shown)
@@ -60,7 +64,10 @@ def record(
     """Write the recording of a run again."""
     require_rerun()
     from fbgraph import reruns
+    from fbgraph.exports import require_free
 
+    if out is not None:
+        require_free(out, "--out")
     try:
         print(f"written to {reruns.record(run, out, log)}")
     except OSError as error:
@@ -103,7 +110,7 @@ def guide(
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write there, not to stdout.")] = None,
 ) -> None:
     """Directions back along the breadcrumbs, from the end of a walk to its start."""
-    from fbgraph.exports import read_summary
+    from fbgraph.exports import read_summary, require_free
     from fbgraph.georeference import parse_origin
     from fbgraph.runs import read_georeference, read_way
     from fbgraph.way_maps import format_way
@@ -121,6 +128,7 @@ def guide(
     if out is None:
         print(text, end="")
         return
+    require_free(out, "--out")
     try:
         out.write_text(text, "utf-8")
     except OSError as error:

@@ -87,7 +87,7 @@ def study(
     trials: Annotated[int | None, typer.Option(min=1, help="The first so many trials; all, or 36.")] = None,
     mapping: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The columns' names: [dataset.columns], as in configs/forestback.toml."),
+        typer.Option(metavar="FILE", help="What the columns are called, as in configs/forestback.toml."),
     ] = None,
     config: ConfigOption = None,
     set_: SetOption = None,

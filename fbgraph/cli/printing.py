@@ -53,7 +53,7 @@ def print_summary(summary: dict[str, Any]) -> None:
 def _print_return(way_back: dict[str, Any]) -> None:
     turned, arrived_s = way_back["turn_back"], way_back["arrived_t_s"]
     text = f"turned back at {turned['t_s']:.1f} s (breadcrumb {turned['breadcrumb']}"
-    text += f", known at {turned['known_t_s']:.1f} s)"
+    text += f", known at {turned['known_t_s']:.1f} s; by the log's clock)"
     if way_back["steps"]:
         text += f", {way_back['steps']} steps guided, {way_back['off_route_steps']} of them off the route, "
         text += f"{way_back['remaining_m']:.1f} m left" if arrived_s is None else f"arrived at {arrived_s:.1f} s"
