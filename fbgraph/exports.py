@@ -19,7 +19,6 @@ from fbgraph.checkpoints import Checkpoints
 from fbgraph.config import dump_toml
 from fbgraph.errors import ConfigError, DataError
 from fbgraph.findings import find
-from fbgraph.geometry import FloatArray
 from fbgraph.metrics import Alignment, score
 from fbgraph.palette import LABELS
 from fbgraph.result import WalkResult
@@ -172,6 +171,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
             entry["score"] = score_entry(trajectory, result.truth, log.t0_s, label, alignment)
         estimators[name] = entry
     final = smoothed.trajectory
+    sigma_m = final.longest_sigma_m
     return {
         "fbgraph": __version__,
         "log": {
@@ -193,7 +193,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "distance_m": float(final.distance_m[-1]),
         "turns": estimators["smoothed"]["turns"],
         "altitude_range_m": [float(final.z_m.min()), float(final.z_m.max())],
-        "end_2sigma_m": None if final.cov_xy_yaw is None else 2.0 * _longest_axis_m(final.cov_xy_yaw[-1]),
+        "end_2sigma_m": None if sigma_m is None else 2.0 * float(sigma_m[-1]),
         "gyro_bias_deg_s": float(np.degrees(final.gyro_bias_rad_s[-1])),
         "rest_s": float(track.rest_s.sum()),
         "closed_walk": result.closed_walk,
@@ -215,11 +215,6 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "findings": [asdict(finding) for finding in find(result)],
         "warnings": warnings(result),
     }
-
-
-def _longest_axis_m(cov_xy_yaw: FloatArray) -> float:
-    """One sigma along the longest axis of the horizontal ellipse."""
-    return float(np.sqrt(np.linalg.eigvalsh(cov_xy_yaw[:2, :2])[1]))
 
 
 def return_entry(result: WalkResult) -> dict[str, Any] | None:

@@ -44,12 +44,12 @@ class Finding:
     text: str
 
 
-def wearer_lane(signals: LevelledSignals, track: StepTrack | None, still_window_s: float) -> Lane:
+def wearer_lane(signals: LevelledSignals, track: StepTrack, still_window_s: float) -> Lane:
     """What the wearer did: ``STANDING``, ``WALKING``, ``MOVING`` (by hand or foot, but no steps were found).
 
     Args:
         signals: for how long to tell.
-        track: the steps; None if there are none yet.
+        track: the steps.
         still_window_s: how long before it is known standing still begins.
     """
     t_s = signals.t_s
@@ -67,7 +67,7 @@ def wearer_lane(signals: LevelledSignals, track: StepTrack | None, still_window_
     edges = np.flatnonzero(np.diff(np.concatenate(([False], signals.still, [False])).astype(int)))
     # stillness is known at the end of its window
     still = covered(t_s[edges[::2]] - still_window_s, t_s[edges[1::2] - 1] + 1.0 / rate_hz)
-    walking = covered(track.start_s[1:], track.t_s[1:]) if track is not None else np.zeros(len(t_s), dtype=bool)
+    walking = covered(track.start_s[1:], track.t_s[1:])
     state = np.where(walking, 2, np.where(still, 1, 0))
     names = (MOVING, STANDING, WALKING)
     lane: Lane = []
@@ -79,19 +79,24 @@ def wearer_lane(signals: LevelledSignals, track: StepTrack | None, still_window_
     return lane
 
 
+def compass_inflation(result: WalkResult) -> FloatArray:
+    """(K+1,) by what the field's deviation multiplied the compass variance at each step; nan without a compass."""
+    graph = result.config.graph
+    memory = FieldMemory(graph.norm_scale_ut, graph.dip_scale_rad)
+    steps = result.track.steps
+    return np.array([memory.inflation(step) if np.isfinite(step.yaw_mag_rad) else np.nan for step in steps])
+
+
 def compass_trust(result: WalkResult) -> FloatArray:
     """(K+1,) share of its usual pull that the smoother left the compass at each step; nan without a compass.
 
-    The field's deviation from its recent usual divides it (``FieldMemory.inflation``), the robust loss multiplies it.
+    The field's deviation from its recent usual divides it (``compass_inflation``), the robust loss multiplies it.
     """
-    graph, track = result.config.graph, result.track
-    memory = FieldMemory(graph.norm_scale_ut, graph.dip_scale_rad)
-    inflation = np.array([memory.inflation(step) if np.isfinite(step.yaw_mag_rad) else np.nan for step in track.steps])
-    weight = np.ones(len(track))
+    weight = np.ones(len(result.track))
     for residuals in result.smoothed.residuals:
         if residuals.name == "compass":
             weight[residuals.k] = residuals.weight
-    return np.asarray(weight / inflation)
+    return np.asarray(weight / compass_inflation(result))
 
 
 def stretches(flags: BoolArray) -> list[tuple[int, int]]:
@@ -247,12 +252,13 @@ def _places(result: WalkResult) -> list[Finding]:
 
 def _truth(result: WalkResult) -> list[Finding]:
     """Where truth is known: whether the smoothed walk is as sure as it may be, and what its error is made of."""
-    truth, smoothed, cov = result.truth, result.smoothed.trajectory, result.smoothed.trajectory.cov_xy_yaw
-    if truth is None or len(truth) < 2 or cov is None:
+    truth, smoothed = result.truth, result.smoothed.trajectory
+    sigma_m = smoothed.longest_sigma_m
+    if truth is None or len(truth) < 2 or sigma_m is None:
         return []
     t_s = truth.t_s - result.log.t0_s
     off_m = np.hypot(*(smoothed.at(t_s)[:, :2] - truth.xy_m - result.truth_shift_m).T)[1:]
-    limit_m = 2.0 * np.interp(t_s[1:], smoothed.t_s, np.sqrt(np.linalg.eigvalsh(cov[:, :2, :2])[:, 1]))
+    limit_m = 2.0 * np.interp(t_s[1:], smoothed.t_s, sigma_m)
     beyond = off_m > np.maximum(limit_m, 0.5)  # checkpoints are not surveyed better
     start_s, end_s = float(t_s[0]), float(t_s[-1])
     found = []

@@ -83,7 +83,7 @@ class LiveView:
         self._rrd.arrange(self._recorder.arranged)
 
     def _flush(self, smoother: OnlineSmoother) -> None:
-        """Send what came since the last time."""
+        """Send what came since the last time; of the steps, if there are new ones."""
         signals = LevelledSignals.concatenate(self._signals) if self._signals else None
         pieces, self._pieces, self._signals = self._pieces, [], []
         if signals is not None and len(pieces):
@@ -101,15 +101,14 @@ class LiveView:
             if known > 0:
                 self._recorder.wearer(held.head(known), track)
             self._held = [held.tail(len(held) - known)] if known < len(held) else []
-        if len(track) > first:
-            trajectories = {
-                "pdr": dead_reckon(track, self._config.step_length),
-                "ekf": run_ekf(track, self._config.ekf),
-                "online": online,
-            }
-            for name, trajectory in trajectories.items():
-                self._recorder.states(name, trajectory, first)
-                self._recorder.path(name, trajectory, first)
+        trajectories = {
+            "pdr": dead_reckon(track, self._config.step_length),
+            "ekf": run_ekf(track, self._config.ekf),
+            "online": online,
+        }
+        for name, trajectory in trajectories.items():
+            self._recorder.states(name, trajectory, first)
+            self._recorder.path(name, trajectory, first)
         self._recorder.believed(self._beliefs)
         self._recorder.returned(self._returning, online)
         self._steps, self._beliefs, self._returning = len(track), [], []

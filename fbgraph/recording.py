@@ -36,6 +36,7 @@ from fbgraph.findings import (
     STANDING,
     TRUSTED,
     WALKING,
+    compass_inflation,
     compass_lane,
     compass_trust,
     places_lane,
@@ -92,7 +93,6 @@ class Recorder:
         self._config = config
         self._beliefs = scene.Beliefs()
         self._yaw_s = self._yaw_rad = self._shown_rad = np.zeros(1)
-        self._acc_known = False
         self._acc_s = self._acc = np.zeros(0)
         self._lanes: dict[str, str | None] = {}
         scene.begin(rrd)
@@ -166,7 +166,7 @@ class Recorder:
             altitude = (track.altitude_m - track.altitude_m[known[0]])[first:]
             rrd.series("state/altitude_m/barometer", t_s, altitude, ["barometer"], [sensor], points=_CIRCLE)
 
-    def wearer(self, signals: LevelledSignals, track: StepTrack | None) -> None:
+    def wearer(self, signals: LevelledSignals, track: StepTrack) -> None:
         """What the wearer did during these signals."""
         self._lane("wearer", wearer_lane(signals, track, self._config.attitude.still_window_s), _WEARER_COLORS)
 
@@ -248,13 +248,12 @@ class Recorder:
             table = _band(middle, sigma)
             rrd.series(entity, smoothed.t_s, table, names, color, width=1.0, max_gap_s=max_gap_s)
 
-        if smoothed.cov_xy_yaw is not None:
-            cov = smoothed.cov_xy_yaw
-            sigma = np.degrees(np.sqrt(cov[:, 2, 2]))
+        sigma_m = smoothed.longest_sigma_m
+        if smoothed.cov_xy_yaw is not None and sigma_m is not None:
+            sigma = np.degrees(np.sqrt(smoothed.cov_xy_yaw[:, 2, 2]))
             band("state/yaw_deg/smoothed_2sigma", np.degrees(self._shown_rad), sigma)
-            ellipse_m = SIGMAS * np.sqrt(np.linalg.eigvalsh(cov[:, :2, :2])[:, 1])
             label = [f"smoothed {SIGMAS:g}σ, the ellipse's longest half axis"]
-            rrd.series("uncertainty_m/smoothed_2sigma", smoothed.t_s, ellipse_m, label, [color[0]])
+            rrd.series("uncertainty_m/smoothed_2sigma", smoothed.t_s, SIGMAS * sigma_m, label, [color[0]])
         if smoothed.sigma_bias_rad_s is not None:
             bias, sigma = np.degrees(smoothed.gyro_bias_rad_s), np.degrees(smoothed.sigma_bias_rad_s)
             band("state/gyro_bias_deg_s/smoothed_2sigma", bias, sigma, np.inf)
@@ -270,11 +269,7 @@ class Recorder:
         entity = "state/magnetic_disturbance_deg"
         label = ["compass minus smoothed heading"]
         rrd.series(f"{entity}/compass_off", track.t_s, off_deg, label, sensor, points=_CIRCLE)
-        weights = {r.name: r for r in result.smoothed.residuals}
-        robust = np.ones(len(track))
-        if "compass" in weights:
-            robust[weights["compass"].k] = weights["compass"].weight
-        expected = np.degrees(config.sigma_mag_rad) * np.sqrt(robust / trust)  # the field's deviation inflates it
+        expected = np.degrees(config.sigma_mag_rad) * np.sqrt(compass_inflation(result))
         faint = [(*COLORS["sensor"], FAINT)] * 2
         table = _band(np.zeros(len(track)), expected)
         label = [f"expected there ±{SIGMAS:g}σ"] * 2

@@ -1,7 +1,8 @@
 """What each factor of a solved graph still has to complain about, and how far a robust loss has silenced it.
 
 A residual is the estimate minus the measurement, divided by the factor's standard deviation: within ±2 is what its
-sigma promised. A robust factor's weight (Huber) says which share of its pull was left: 1 all of it, 0.3 a third.
+sigma promised. A robust factor's weight (of Huber's or Cauchy's loss) says which share of its pull was left: 1 all of
+it, 0.3 a third.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from typing import Any
 import gtsam
 import numpy as np
 import numpy.typing as npt
-from gtsam.symbol_shorthand import X
 
 from fbgraph.geometry import FloatArray
 from fbgraph.graph import Graph, Values
@@ -32,7 +32,7 @@ NAMES = (
 )
 """Kinds of factors, in the order of the table atop ``fbgraph.graph``; priors on the origin are none of them."""
 
-_X, _Z = gtsam.Symbol(X(0)).chr(), ord("z")
+_Z = ord("z")  # of altitude nodes
 
 
 @dataclass(frozen=True)

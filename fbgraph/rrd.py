@@ -19,7 +19,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk
 
 from fbgraph.errors import ConfigError
-from fbgraph.geometry import FloatArray
+from fbgraph.geometry import FloatArray, IntArray
 
 APPLICATION_ID = "fbgraph"
 
@@ -114,6 +114,11 @@ class RrdWriter:
             indexes.append(rr.TimeColumn("step", sequence=step))
             indexes.append(rr.TimeColumn("distance_cm", sequence=np.round(100.0 * distance_m).astype(np.int64)))
         self._stream.send_columns(entity, indexes=indexes, columns=columns, strict=True)
+        self.entities.add(entity)
+
+    def numbered(self, entity: str, timeline: str, numbers: IntArray, columns: rr.ComponentColumnList) -> None:
+        """Log a row for each of these numbers, on a timeline of their own."""
+        self._stream.send_columns(entity, [rr.TimeColumn(timeline, sequence=numbers)], columns, strict=True)
         self.entities.add(entity)
 
     def series(

@@ -21,6 +21,7 @@ from fbgraph.errors import ConfigError, DataError
 from fbgraph.exports import RAW, RUN_FILES, check_run_folder, require_no_raw, summarize, summary_markdown
 from fbgraph.georeference import Georeference
 from fbgraph.log import SensorLog
+from fbgraph.metrics import checkpoint_errors
 from fbgraph.online import OnlineSmoother, Update
 from fbgraph.pdr import dead_reckon
 from fbgraph.pipeline import write_files
@@ -52,10 +53,13 @@ def pieces(log: SensorLog, chunk_s: float, speed: float, stop: Callable[[], bool
         yield log.between(start_s, until_s), until_s
 
 
-def _show(
-    view: LiveView | None, piece: SensorLog, smoother: OnlineSmoother, updates: list[Update], before: int
-) -> None:
-    """Tell a viewer what the smoother was just fed; it had ``before`` beliefs then."""
+def _feed(piece: SensorLog, smoother: OnlineSmoother, view: LiveView | None, on_update: OnUpdate | None) -> None:
+    """Give the smoother a piece of log, and tell whoever wants to know what it made of it."""
+    before = len(smoother.beliefs)
+    updates = smoother.feed(piece)
+    if on_update is not None:
+        for update in updates:
+            on_update(update)
     if view is not None:
         told = [update.returning for update in updates if update.returning is not None]
         view.fed(piece, smoother, smoother.beliefs[before:], told)
@@ -90,7 +94,7 @@ def replay(
         view: shows the walk meanwhile.
 
     Raises:
-        DataError: no step in the log.
+        DataError: no step in the log, or an anchor that lies outside it.
         EstimationError: the solver failed.
     """
     if anchors is not None:
@@ -100,11 +104,7 @@ def replay(
     smoother = OnlineSmoother(config, anchors, log.t0_s, closed_walk, companion=guide, believe_steps=believe_steps)
     fed_until_s = -np.inf
     for piece, until_s in pieces(log, chunk_s, speed, stop):
-        before = len(smoother.beliefs)
-        updates = smoother.feed(piece)
-        for update in updates:
-            on_update(update)
-        _show(view, piece, smoother, updates, before)
+        _feed(piece, smoother, view, on_update)
         fed_until_s = until_s
     seen = log.between(-np.inf, fed_until_s)
     result = _result(seen, smoother, guide, view, config, truth, anchors, closed_walk)
@@ -149,19 +149,10 @@ def live(
     reader, guide = LiveReader(out.name), ReturnGuide(config)
     believe_steps = _BELIEF_STEPS if recording or view is not None else 0
     smoother = OnlineSmoother(config, closed_walk=closed_walk, companion=guide, believe_steps=believe_steps)
-
-    def feed(lines: list[str] | None, tell: bool = True) -> None:
-        piece = reader.finish() if lines is None else reader.push(lines)
-        before = len(smoother.beliefs)
-        updates = smoother.feed(piece)
-        for update in updates if tell else ():
-            on_update(update)
-        _show(view, piece, smoother, updates, before)
-
     if resume:
         _cut_torn_line(raw_path)
         for line_block in _saved_lines(raw_path):
-            feed(line_block, tell=False)
+            _feed(reader.push(line_block), smoother, view, None)
     else:
         check_run_folder(out)
         require_no_raw(out)
@@ -176,8 +167,8 @@ def live(
             if not newline:
                 continue
             raw.write(complete + newline)
-            feed(complete.decode("latin-1").split("\n"))
-    feed(None)
+            _feed(reader.push(complete.decode("latin-1").split("\n")), smoother, view, on_update)
+    _feed(reader.finish(), smoother, view, on_update)
     result = _result(saved_log(raw_path), smoother, guide, view, config, truth, None, closed_walk)
     return replace(result, origin=origin, inputs={**(inputs or {}), "log": RAW})
 
@@ -286,14 +277,13 @@ def _result(
         turn_back=guide.turn_back or smoother.turn_back,
         returning=tuple(guide.updates),
     )
-    try:
-        text = summary_markdown(summarize(result))
-    except DataError as error:  # truth of another walk is no reason to lose this one
-        log = replace(log, notices=(*log.notices, f"not scored: {error}"))
-        result = replace(result, truth=None, log=log)
-        text = summary_markdown(summarize(result))
+    if result.truth is not None and len(result.truth) > 1:
+        try:
+            checkpoint_errors(smoothed.trajectory, result.truth, log.t0_s)
+        except DataError as error:  # truth of another walk is no reason to lose this one
+            result = replace(result, truth=None, log=replace(log, notices=(*log.notices, f"not scored: {error}")))
     if view is not None:
-        view.finished(result, smoother, text)
+        view.finished(result, smoother, summary_markdown(summarize(result)))
     return result
 
 
@@ -302,9 +292,6 @@ def write_walk(result: WalkResult, out: Path, recording: bool = True) -> dict[st
 
     Into a folder of its own first, then file by file into place, so that none is ever half there; what is in place
     already, ``raw.csv``, stays.
-
-    Raises:
-        DataError: truth that does not belong to this log.
     """
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:

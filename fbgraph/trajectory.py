@@ -48,6 +48,13 @@ class Trajectory:
         """(K+1,) horizontal distance walked up to each breadcrumb."""
         return np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(self.x_m), np.diff(self.y_m)))))
 
+    @property
+    def longest_sigma_m(self) -> FloatArray | None:
+        """(K+1,) standard deviation along the longest axis of each breadcrumb's ellipse; None without covariance."""
+        if self.cov_xy_yaw is None:
+            return None
+        return np.asarray(np.sqrt(np.linalg.eigvalsh(self.cov_xy_yaw[:, :2, :2])[:, 1]))
+
     def until(self, breadcrumb: int) -> Trajectory:
         """The part up to a breadcrumb, it included."""
         known: dict[str, FloatArray] = {

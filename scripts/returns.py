@@ -342,7 +342,10 @@ def simulated_return(seed: int, detour: bool, at: str = "turn") -> SimulatedRetu
         claimed_s = row.breadcrumb_t_s
         if not row.off_route:
             errors.append(abs(np.interp(claimed_s, walk.t_s, true_m) - true_m[nearest]))
-    walked_at = lambda when_s: float(np.interp(min(when_s, walk.t_s[-1]), walk.t_s, true_m))  # noqa: E731
+
+    def walked_at(when_s: float) -> float:
+        return float(np.interp(min(when_s, walk.t_s[-1]), walk.t_s, true_m))
+
     wrong = 0
     for closure in returned.guide.closures:
         i_s, j_s = returned.track.t_s[[closure.i, closure.j]]

@@ -39,10 +39,11 @@ def view(
         shown = recording_of(runs[0])
         if save is not None:
             require_free(save, "--save")
-            require_walk(shown)
         if len(runs) > 1:
             shown = Path(folder) / "comparison.rrd"
             compare(runs, shown)
+        elif save is not None:
+            require_walk(shown)
         if save is not None:
             try:
                 shutil.copyfile(shown, save)

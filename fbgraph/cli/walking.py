@@ -155,7 +155,7 @@ def online(
     stopping = _stop_on_signals()
     if log is not None:
         log_file = read_log(log, format_)
-        effective = load_config(config or preset(log_file.log.format), set_ or ())
+        effective = load_config(config or preset(log_file.log.format), set_)
         result = session.replay(
             log_file.log,
             effective,

@@ -15,7 +15,7 @@ import rerun.blueprint as rrb
 
 from fbgraph.blueprint import Frame
 from fbgraph.palette import COLORS
-from fbgraph.rrd import APPLICATION_ID
+from fbgraph.rrd import RrdWriter
 from fbgraph.study.protocol import LABELS, StudyResult
 
 
@@ -32,31 +32,23 @@ def write_study_recording(result: StudyResult, figures: dict[str, bytes], markdo
         OSError: the file cannot be written.
     """
     content = hashlib.sha1(markdown.encode(), usedforsecurity=False).hexdigest()
-    stream = rr.RecordingStream(APPLICATION_ID, recording_id=f"study-{content[:12]}", send_properties=False)
-
-    def fixed(entity: str, archetype: rr.AsComponents) -> None:
-        stream.log(entity, archetype, static=True, strict=True)
-
-    fixed("summary", rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))
-    fixed("map", rr.Transform3D(scale=(1.0, -1.0, 1.0)))  # Rerun's 2-D views have y down
+    rrd = RrdWriter(f"study-{content[:12]}")
+    rrd.fixed("summary", rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))
+    rrd.fixed("map", rr.Transform3D(scale=(1.0, -1.0, 1.0)))  # Rerun's 2-D views have y down
     names = result.drawn
     for trial in result.trials:
         label = trial.trial.name
-        fixed(f"map/truth/{label}", _line(trial.trial.truth.xy_m, "truth", 1.0))
+        rrd.fixed(f"map/truth/{label}", _line(trial.trial.truth.xy_m, "truth", 1.0))
         for name in names:
-            fixed(f"map/{name}/{label}", _line(trial.methods[name].xy_m, name, 1.5))
-    index = rr.TimeColumn("trial", sequence=np.arange(1, len(result.trials) + 1))
+            rrd.fixed(f"map/{name}/{label}", _line(trial.methods[name].xy_m, name, 1.5))
+    numbers = np.arange(1, len(result.trials) + 1)
     for name in names:
-        fixed(f"rmse_m/{name}", rr.SeriesLines(names=LABELS[name], colors=[COLORS[name]], widths=[2.0]))
+        rrd.fixed(f"rmse_m/{name}", rr.SeriesLines(names=LABELS[name], colors=[COLORS[name]], widths=[2.0]))
         rmse = np.array([trial.methods[name].rmse_m for trial in result.trials])
-        stream.send_columns(f"rmse_m/{name}", [index], rr.Scalars.columns(scalars=rmse), strict=True)
+        rrd.numbered(f"rmse_m/{name}", "trial", numbers, rr.Scalars.columns(scalars=rmse))
     for name, png in figures.items():
-        fixed(f"figures/{name}", rr.EncodedImage(contents=png, media_type="image/png"))
-    try:
-        stream.save(path, default_blueprint=_blueprint(result, list(figures)))
-    except RuntimeError as error:
-        raise OSError(f"{path}: {error}") from error
-    stream.disconnect()
+        rrd.fixed(f"figures/{name}", rr.EncodedImage(contents=png, media_type="image/png"))
+    rrd.save(path, _blueprint(result, list(figures)))
 
 
 def _line(xy_m: np.ndarray, color: str, width: float) -> rr.LineStrips2D:
