@@ -9,21 +9,21 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fbgraph.checkpoints import Checkpoints
-from fbgraph.config import Config
-from fbgraph.ekf import run_ekf
-from fbgraph.errors import ConfigError
-from fbgraph.exports import run_folder, summarize, summary_markdown, write_tables
-from fbgraph.georeference import Georeference
-from fbgraph.log import SensorLog
-from fbgraph.pdr import dead_reckon
-from fbgraph.result import WalkResult
-from fbgraph.smoother import smooth, tie_way_back
-from fbgraph.steps import detect_steps
+from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.config import Config
+from fbgraph.core.errors import ConfigError
+from fbgraph.core.georeference import Georeference
+from fbgraph.core.log import SensorLog
+from fbgraph.estimators.ekf import run_ekf
+from fbgraph.estimators.pdr import dead_reckon
+from fbgraph.estimators.smoother import smooth, tie_way_back
+from fbgraph.front_end.front_end import detect_steps
+from fbgraph.run.folder import run_folder, summarize, summary_markdown, write_tables
+from fbgraph.run.result import WalkResult
 
 if TYPE_CHECKING:
-    from fbgraph.routes import Route
-    from fbgraph.simulate import SimulateOptions
+    from fbgraph.simulator.routes import Route
+    from fbgraph.simulator.simulate import SimulateOptions
 
 Progress = Callable[[str], None]
 """Called with the name of each stage as it begins."""
@@ -123,7 +123,7 @@ def write_files(
     write_tables(result, folder, summary)
     if recording:
         progress("recording")
-        from fbgraph.recording import write_recording  # rerun takes a second to import
+        from fbgraph.recording.recorder import write_recording
 
         write_recording(result, folder / "recording.rrd", summary_markdown(summary))
     return summary
@@ -135,7 +135,7 @@ def simulate_files(out: Path, route: Route, options: SimulateOptions, seed: int)
     Raises:
         ConfigError: impossible options, or ``out`` cannot be written.
     """
-    from fbgraph.simulate import simulate, write_m5stickc_csv, write_truth_csv
+    from fbgraph.simulator.simulate import simulate, write_m5stickc_csv, write_truth_csv
 
     walk = simulate(route, options, seed)
     truth = out.with_name(f"{out.stem}_truth.csv")

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.config import load_config
-from fbgraph.errors import DataError
-from fbgraph.exports import RAW, read_summary, summarize, summary_markdown
-from fbgraph.georeference import Georeference
+from fbgraph.core.config import load_config
+from fbgraph.core.errors import DataError
+from fbgraph.core.georeference import Georeference
+from fbgraph.core.trajectory import read_tum
 from fbgraph.pipeline import reconstruct
-from fbgraph.result import WalkResult
-from fbgraph.trajectory import read_tum
+from fbgraph.run.folder import RAW, read_summary, summarize, summary_markdown
+from fbgraph.run.result import WalkResult
 
 _SAME_M = 0.001
 
@@ -30,7 +30,7 @@ def again(run: Path, log_path: Path | None = None) -> WalkResult:
         DataError: not a run folder, the log is gone, or what comes out is another walk than the folder's.
     """
     from fbgraph import session
-    from fbgraph.checkpoints import read_checkpoints
+    from fbgraph.core.checkpoints import read_checkpoints
     from fbgraph.readers import read_log
 
     summary = read_summary(run)
@@ -86,7 +86,7 @@ def record(run: Path, out: Path | None = None, log_path: Path | None = None) -> 
         DataError: as ``again``.
         OSError: the file cannot be written.
     """
-    from fbgraph.recording import write_recording
+    from fbgraph.recording.recorder import write_recording
 
     result = again(run, log_path)
     path = out or run / "recording.rrd"

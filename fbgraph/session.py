@@ -14,25 +14,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fbgraph.checkpoints import Checkpoints
-from fbgraph.config import Config, dump_toml, load_config
-from fbgraph.ekf import run_ekf
-from fbgraph.errors import ConfigError, DataError
-from fbgraph.exports import RAW, RUN_FILES, check_run_folder, require_no_raw, summarize, summary_markdown
-from fbgraph.georeference import Georeference
-from fbgraph.log import SensorLog
-from fbgraph.metrics import checkpoint_errors
-from fbgraph.online import OnlineSmoother, Update
-from fbgraph.pdr import dead_reckon
+from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.config import Config, dump_toml, load_config
+from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.georeference import Georeference
+from fbgraph.core.log import SensorLog
+from fbgraph.estimators.ekf import run_ekf
+from fbgraph.estimators.online import OnlineSmoother, Update
+from fbgraph.estimators.pdr import dead_reckon
+from fbgraph.front_end.front_end import detect_steps
 from fbgraph.pipeline import write_files
 from fbgraph.readers.base import OPTIONAL_SENSORS
-from fbgraph.readers.live import LiveReader
-from fbgraph.result import WalkResult
-from fbgraph.returning import ReturnGuide
-from fbgraph.steps import detect_steps
+from fbgraph.readers.live_lines import LiveReader
+from fbgraph.run.folder import RAW, RUN_FILES, check_run_folder, require_no_raw, summarize, summary_markdown
+from fbgraph.run.metrics import checkpoint_errors
+from fbgraph.run.result import WalkResult
+from fbgraph.way_back.guide import ReturnGuide
 
 if TYPE_CHECKING:
-    from fbgraph.live_view import LiveView
+    from fbgraph.recording.live_view import LiveView
 
 OnUpdate = Callable[[Update], None]
 _TAIL_BYTES, _BLOCK_BYTES = 1 << 16, 1 << 21

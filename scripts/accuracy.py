@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.config import load_config
-from fbgraph.metrics import checkpoint_errors, score
-from fbgraph.online import OnlineSmoother
+from fbgraph.core.config import load_config
+from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
+from fbgraph.run.metrics import checkpoint_errors, score
 
 FLOORS_M = {0: 0.0, -1: -3.4, -2: -5.5}  # measured in the museum of ipin2023
 

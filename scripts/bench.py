@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from fbgraph import reruns
-from fbgraph.config import load_config
-from fbgraph.exports import summarize, summary_markdown
-from fbgraph.online import OnlineSmoother
-from fbgraph.recording import write_recording
-from fbgraph.returning import ReturnGuide
-from fbgraph.routes import load_route
+from fbgraph.core.config import load_config
+from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.recording.recorder import write_recording
+from fbgraph.run.folder import summarize, summary_markdown
 from fbgraph.session import pieces
-from fbgraph.simulate import SimulateOptions, simulate
+from fbgraph.simulator.routes import load_route
+from fbgraph.simulator.simulate import SimulateOptions, simulate
+from fbgraph.way_back.guide import ReturnGuide
 
 
 def timed(*command: object) -> float:

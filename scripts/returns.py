@@ -16,22 +16,22 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.closures import Closure
-from fbgraph.config import Config, load_config
-from fbgraph.gait import Walker
-from fbgraph.log import SensorLog
-from fbgraph.matching import ReturnUpdate, RouteMatcher
-from fbgraph.online import OnlineSmoother
-from fbgraph.outbound import Outbound, level_length_m
+from fbgraph.core.config import Config, load_config
+from fbgraph.core.log import SensorLog
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.front_end.front_end import StepTrack
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
-from fbgraph.returning import ReturnGuide
-from fbgraph.routes import Route, load_route
 from fbgraph.session import pieces
-from fbgraph.simulate import SimulatedWalk, SimulateOptions, simulate
-from fbgraph.steps import StepTrack
-from fbgraph.trajectory import Trajectory
-from fbgraph.turnback import reversal
+from fbgraph.simulator.gait import Walker
+from fbgraph.simulator.routes import Route, load_route
+from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.way_back.closures import Closure
+from fbgraph.way_back.guide import ReturnGuide
+from fbgraph.way_back.matcher import ReturnUpdate, RouteMatcher
+from fbgraph.way_back.turn_back import reversal
+from fbgraph.way_back.way_out import Outbound, level_length_m
 
 PIECE_S = 0.1
 WRONG_M = 3.0

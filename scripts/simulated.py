@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fbgraph.config import load_config
-from fbgraph.gait import Walker
-from fbgraph.online import OnlineSmoother
+from fbgraph.core.config import load_config
+from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
-from fbgraph.routes import ROUTE_NAMES, load_route
-from fbgraph.simulate import SimulateOptions, simulate
+from fbgraph.simulator.gait import Walker
+from fbgraph.simulator.routes import ROUTE_NAMES, load_route
+from fbgraph.simulator.simulate import SimulateOptions, simulate
 
 SEEDS = 30
 

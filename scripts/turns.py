@@ -16,13 +16,13 @@ import sys
 
 import numpy as np
 
-from fbgraph.config import load_config
-from fbgraph.guidance import way
-from fbgraph.metrics import score_turns
+from fbgraph.core.config import load_config
+from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct
-from fbgraph.routes import ROUTE_NAMES, Route, load_route
-from fbgraph.simulate import SimulatedWalk, simulate
-from fbgraph.trajectory import Trajectory
+from fbgraph.run.metrics import score_turns
+from fbgraph.simulator.routes import ROUTE_NAMES, Route, load_route
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.way_back.legs import way
 
 HEADS = ("route", "walks", "true turns", "missed", "phantom", "recall %", "precision %", "angle rms °")
 LEG_HEADS = ("error / sigma: along", "across", "whole walk")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fbgraph.trajectory import read_tum
+from fbgraph.core.trajectory import read_tum
 
 HEADER = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa\n"
 

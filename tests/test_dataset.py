@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fbgraph.config import DatasetConfig, load_config, load_mapping
-from fbgraph.errors import ConfigError, DataError
+from fbgraph.core.config import DatasetConfig, load_config, load_mapping
+from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.study.course import simulated_trials, write_trial
 from fbgraph.study.dataset import read_dataset
 from fbgraph.study.trial import Trial

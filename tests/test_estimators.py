@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, X
 
-from fbgraph.checkpoints import checkpoints
-from fbgraph.config import Config, StepLengthConfig
-from fbgraph.ekf import run_ekf
-from fbgraph.geometry import wrap_angle
-from fbgraph.graph import Node, heading_factor
-from fbgraph.pdr import dead_reckon
-from fbgraph.smoother import body_to_world, smooth
-from fbgraph.steps import Step, StepTrack
-from fbgraph.trajectory import Trajectory
+from fbgraph.core.checkpoints import checkpoints
+from fbgraph.core.config import Config, StepLengthConfig
+from fbgraph.core.geometry import wrap_angle
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.ekf import run_ekf
+from fbgraph.estimators.graph import Node, heading_factor
+from fbgraph.estimators.pdr import dead_reckon
+from fbgraph.estimators.smoother import body_to_world, smooth
+from fbgraph.front_end.front_end import Step, StepTrack
 
 CONFIG = Config()
 L = 0.7

@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fbgraph.checkpoints import checkpoints, read_checkpoints
-from fbgraph.config import load_config
-from fbgraph.errors import ConfigError, DataError
-from fbgraph.findings import (
+from fbgraph.core.checkpoints import checkpoints, read_checkpoints
+from fbgraph.core.config import load_config
+from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.georeference import Georeference, parse_origin
+from fbgraph.core.log import SensorLog, Stream
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.pipeline import reconstruct
+from fbgraph.run.findings import (
     DOUBTED,
     STANDING,
     WALKING,
@@ -23,15 +27,11 @@ from fbgraph.findings import (
     stretches,
     wearer_lane,
 )
-from fbgraph.gait import Walker
-from fbgraph.georeference import Georeference, parse_origin
-from fbgraph.log import SensorLog, Stream
-from fbgraph.metrics import leg_errors
-from fbgraph.pipeline import reconstruct
-from fbgraph.result import WalkResult
-from fbgraph.routes import load_route
-from fbgraph.simulate import SimulatedWalk, SimulateOptions, simulate
-from fbgraph.trajectory import Trajectory
+from fbgraph.run.metrics import leg_errors
+from fbgraph.run.result import WalkResult
+from fbgraph.simulator.gait import Walker
+from fbgraph.simulator.routes import load_route
+from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
 
 NUREMBERG = Georeference(49.4613, 11.1110)
 

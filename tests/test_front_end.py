@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fbgraph.config import Config
-from fbgraph.log import SensorLog, Stream
+from fbgraph.core.config import Config
+from fbgraph.core.log import SensorLog, Stream
+from fbgraph.front_end.front_end import FrontEnd, Step, StepTrack, detect_steps
 from fbgraph.readers import read_log
-from fbgraph.steps import FrontEnd, Step, StepTrack, detect_steps
 
 LOGS = ("ipin2023/TrainingTrial04_repetition01.txt.gz", "indoor-location/site1/F4/5ddb6560c5b77e0006b1791e.txt.gz")
 

@@ -19,19 +19,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fbgraph import cli
-from fbgraph.config import load_config
-from fbgraph.errors import ConfigError, DataError
-from fbgraph.guidance import Way, way
-from fbgraph.log import Event
-from fbgraph.metrics import score_turns
+from fbgraph.core.config import load_config
+from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.log import Event
+from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import read_log
-from fbgraph.routes import ROUTE_NAMES, load_route
-from fbgraph.runs import read_way
-from fbgraph.simulate import simulate
-from fbgraph.trajectory import Trajectory
-from fbgraph.turns import find_turns
-from fbgraph.way_texts import distance_text, heading_text, instructions, turn_text
+from fbgraph.run.metrics import score_turns
+from fbgraph.run.reading import read_way
+from fbgraph.simulator.routes import ROUTE_NAMES, load_route
+from fbgraph.simulator.simulate import simulate
+from fbgraph.way_back.legs import Way, way
+from fbgraph.way_back.texts import distance_text, heading_text, instructions, turn_text
+from fbgraph.way_back.turns import find_turns
 
 CONFIG = load_config("m5stickc")
 Guide = Callable[..., str]

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from fbgraph.errors import DataError
-from fbgraph.log import SensorLog
+from fbgraph.core.errors import DataError
+from fbgraph.core.log import SensorLog
 from fbgraph.readers import detect, read_log
 from fbgraph.readers.columns import CANONICAL, Columns
 from fbgraph.readers.m5stickc import EXAMPLE

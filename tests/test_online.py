@@ -17,18 +17,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fbgraph.config import Config, load_config
-from fbgraph.errors import DataError
-from fbgraph.log import SensorLog, Stream
-from fbgraph.metrics import score
-from fbgraph.online import OnlineSmoother, Update
+from fbgraph.core.config import Config, load_config
+from fbgraph.core.errors import DataError
+from fbgraph.core.log import SensorLog, Stream
+from fbgraph.core.trajectory import Trajectory, read_tum
+from fbgraph.estimators.online import OnlineSmoother, Update
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
-from fbgraph.readers.live import LiveReader
-from fbgraph.routes import load_route
+from fbgraph.readers.live_lines import LiveReader
+from fbgraph.run.metrics import score
 from fbgraph.session import pieces, saved_log
-from fbgraph.simulate import SimulateOptions, simulate, write_m5stickc_csv
-from fbgraph.trajectory import Trajectory, read_tum
+from fbgraph.simulator.routes import load_route
+from fbgraph.simulator.simulate import SimulateOptions, simulate, write_m5stickc_csv
 
 
 def feed(smoother: OnlineSmoother, log: SensorLog, chunk_s: float) -> list[Update]:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fbgraph.errors import ConfigError, DataError
+from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.readers import FORMATS, detect, read_log, reader
 from fbgraph.readers.base import LogFile, RawLog, RawStream, _increasing, assemble, to_ns
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fbgraph.config import load_config
-from fbgraph.metrics import score
+from fbgraph.core.config import load_config
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
+from fbgraph.run.metrics import score
 
 FLOORS_M = {0: 0.0, -1: -3.4, -2: -5.5}  # measured in this museum
 

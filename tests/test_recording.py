@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from rerun.chunk import Chunk, RrdReader
 
-from fbgraph.blueprint import Frame
-from fbgraph.checkpoints import Checkpoints, checkpoints
-from fbgraph.config import load_config
-from fbgraph.log import Event, SensorLog, Stream, empty_stream
-from fbgraph.metrics import score
-from fbgraph.palette import COLORS, LABELS
+from fbgraph.core.checkpoints import Checkpoints, checkpoints
+from fbgraph.core.config import load_config
+from fbgraph.core.log import Event, SensorLog, Stream, empty_stream
+from fbgraph.core.palette import COLORS, LABELS
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import read_log
-from fbgraph.recording import _laps, write_recording
-from fbgraph.result import ESTIMATORS, WalkResult
-from fbgraph.routes import load_route
-from fbgraph.scene import _grouped
+from fbgraph.recording.blueprint import Frame
+from fbgraph.recording.recorder import _laps, write_recording
+from fbgraph.recording.scene import _grouped
+from fbgraph.run.metrics import score
+from fbgraph.run.result import ESTIMATORS, WalkResult
 from fbgraph.session import replay
-from fbgraph.simulate import SimulateOptions, simulate
+from fbgraph.simulator.routes import load_route
+from fbgraph.simulator.simulate import SimulateOptions, simulate
 
 T0_S = 1000.0
 PATHS = {"pdr", "ekf", "smoothed"}

@@ -15,22 +15,22 @@ import pytest
 from gtsam.symbol_shorthand import X
 from scipy.ndimage import gaussian_filter1d
 
-from fbgraph.closures import Closure, ClosureMaker, closure_factor
-from fbgraph.config import load_config
-from fbgraph.errors import ConfigError
-from fbgraph.log import SensorLog
-from fbgraph.matching import Match, ReturnUpdate, RouteMatcher
-from fbgraph.metrics import score
-from fbgraph.online import OnlineSmoother
-from fbgraph.outbound import Outbound
+from fbgraph.core.config import load_config
+from fbgraph.core.errors import ConfigError
+from fbgraph.core.log import SensorLog
+from fbgraph.core.trajectory import read_tum
+from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
-from fbgraph.returning import RETURN_HEADER, ReturnGuide, instruction
-from fbgraph.routes import Route, load_route
+from fbgraph.run.metrics import score
 from fbgraph.session import pieces
-from fbgraph.simulate import SimulatedWalk, simulate, write_m5stickc_csv
-from fbgraph.trajectory import read_tum
-from fbgraph.turnback import Crumb, TurnBack, TurnBackDetector
+from fbgraph.simulator.routes import Route, load_route
+from fbgraph.simulator.simulate import SimulatedWalk, simulate, write_m5stickc_csv
+from fbgraph.way_back.closures import Closure, ClosureMaker, closure_factor
+from fbgraph.way_back.guide import RETURN_HEADER, ReturnGuide, instruction
+from fbgraph.way_back.matcher import Match, ReturnUpdate, RouteMatcher
+from fbgraph.way_back.turn_back import Crumb, TurnBack, TurnBackDetector
+from fbgraph.way_back.way_out import Outbound
 
 
 def load_script() -> ModuleType:

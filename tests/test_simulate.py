@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fbgraph.checkpoints import read_checkpoints
-from fbgraph.config import DeviceConfig
-from fbgraph.errors import ConfigError, DataError
-from fbgraph.gait import Walker
-from fbgraph.geometry import BoolArray, rotate, wrap_angle
+from fbgraph.core.checkpoints import read_checkpoints
+from fbgraph.core.config import DeviceConfig
+from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.geometry import BoolArray, rotate, wrap_angle
 from fbgraph.readers import read_log
-from fbgraph.routes import ROUTE_NAMES, load_route
-from fbgraph.simulate import (
+from fbgraph.simulator.gait import Walker
+from fbgraph.simulator.routes import ROUTE_NAMES, load_route
+from fbgraph.simulator.simulate import (
     GRAVITY_M_S2,
     Device,
     Environment,

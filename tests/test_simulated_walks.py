@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from fbgraph.config import Config, StepLengthConfig, load_config
-from fbgraph.gait import Walker
+from fbgraph.core.config import Config, StepLengthConfig, load_config
+from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct
-from fbgraph.result import WalkResult
-from fbgraph.routes import ROUTE_NAMES, load_route
-from fbgraph.simulate import SimulatedWalk, SimulateOptions, simulate
-from fbgraph.trajectory import Trajectory
-from fbgraph.turns import find_turns
+from fbgraph.run.result import WalkResult
+from fbgraph.simulator.gait import Walker
+from fbgraph.simulator.routes import ROUTE_NAMES, load_route
+from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.way_back.turns import find_turns
 
 METRONOME = Walker(gait_variation=0.0, alpha_m=0.71, beta_m_s=0.0, gamma_m=0.0)
 CONSTANT = StepLengthConfig(constant_m=0.71, alpha_m=0.71, beta_m_s=0.0, gamma_m=0.0, kappa=0.0)

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 from fbgraph.cli import main
-from fbgraph.config import load_config
-from fbgraph.errors import ConfigError, DataError
+from fbgraph.core.config import load_config
+from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.study.calibration import Evidence, fit
 from fbgraph.study.comparison import interval_of_mean, paired
 from fbgraph.study.course import simulated_trials

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from fbgraph.blueprint import blueprint, tabs
-from fbgraph.config import load_config
-from fbgraph.exports import summarize, summary_markdown
-from fbgraph.live_view import LiveView
+from fbgraph.core.config import load_config
 from fbgraph.readers import read_log
-from fbgraph.recording import write_recording
-from fbgraph.result import WalkResult
-from fbgraph.rrd import RrdWriter
+from fbgraph.recording.blueprint import blueprint, tabs
+from fbgraph.recording.live_view import LiveView
+from fbgraph.recording.recorder import write_recording
+from fbgraph.recording.writer import RrdWriter
+from fbgraph.run.folder import summarize, summary_markdown
+from fbgraph.run.result import WalkResult
 from fbgraph.session import replay
 
 

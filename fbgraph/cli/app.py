@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from fbgraph import __version__
-from fbgraph.errors import ConfigError, FbgraphError
+from fbgraph.core.errors import ConfigError, FbgraphError
 
 app = typer.Typer(
     help="Where somebody walked, from IMU, magnetometer and barometer alone.",

@@ -15,7 +15,7 @@ from fbgraph.cli.app import (
     require_rerun,
 )
 from fbgraph.cli.printing import print_scores
-from fbgraph.errors import ConfigError
+from fbgraph.core.errors import ConfigError
 
 
 @app.command()
@@ -32,8 +32,8 @@ def view(
     import tempfile
 
     require_rerun()
-    from fbgraph.exports import require_free
-    from fbgraph.side_by_side import compare, recording_of, require_walk
+    from fbgraph.recording.side_by_side import compare, recording_of, require_walk
+    from fbgraph.run.folder import require_free
 
     with tempfile.TemporaryDirectory(prefix="fbgraph-") as folder:
         shown = recording_of(runs[0])
@@ -65,7 +65,7 @@ def record(
     """Write the recording of a run again."""
     require_rerun()
     from fbgraph import reruns
-    from fbgraph.exports import require_free
+    from fbgraph.run.folder import require_free
 
     if out is not None:
         require_free(out, "--out")
@@ -82,8 +82,8 @@ def evaluate(
     as_json: JsonOption = False,
 ) -> None:
     """Score a run folder against known places."""
-    from fbgraph.checkpoints import read_checkpoints
-    from fbgraph.exports import read_summary, score_run
+    from fbgraph.core.checkpoints import read_checkpoints
+    from fbgraph.run.folder import read_summary, score_run
 
     scores = score_run(run, read_checkpoints(truth))
     if as_json:
@@ -111,10 +111,10 @@ def guide(
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write there, not to stdout.")] = None,
 ) -> None:
     """Directions back along the breadcrumbs, from the end of a walk to its start."""
-    from fbgraph.exports import read_summary, require_free
-    from fbgraph.georeference import parse_origin
-    from fbgraph.runs import read_georeference, read_way
-    from fbgraph.way_maps import format_way
+    from fbgraph.core.georeference import parse_origin
+    from fbgraph.run.folder import read_summary, require_free
+    from fbgraph.run.reading import read_georeference, read_way
+    from fbgraph.way_back.maps import format_way
 
     if units not in ("metric", "steps"):
         raise ConfigError(f"unknown units {units!r}: expected metric or steps")

@@ -16,7 +16,7 @@ from fbgraph.cli.app import (
     app,
 )
 from fbgraph.cli.printing import print_table, study_progress_bar
-from fbgraph.errors import ConfigError
+from fbgraph.core.errors import ConfigError
 
 
 @app.command()
@@ -41,10 +41,10 @@ def simulate(
     as_json: JsonOption = False,
 ) -> None:
     """Write a simulated M5StickC log, and its exact truth beside it as OUT_truth.csv."""
-    from fbgraph.gait import Walker
     from fbgraph.pipeline import simulate_files
-    from fbgraph.routes import load_route
-    from fbgraph.simulate import SimulateOptions
+    from fbgraph.simulator.gait import Walker
+    from fbgraph.simulator.routes import load_route
+    from fbgraph.simulator.simulate import SimulateOptions
 
     walker = Walker(gait_variation=variation, shake_s=shake_s)
     options = SimulateOptions(walker=walker, noise=noise, anomalies=anomalies, duration_s=duration_s)
@@ -96,7 +96,7 @@ def study(
     """Reproduce the ForestBack paper's evaluation, and ours beside it: tables, figures, report."""
     import shlex
 
-    from fbgraph.config import load_config, load_mapping, parse_config
+    from fbgraph.core.config import load_config, load_mapping, parse_config
     from fbgraph.study.run import SIMULATED, study_files
 
     simulated = dataset == SIMULATED
@@ -130,7 +130,7 @@ def study(
 @app.command()
 def config(config: ConfigOption = None, set_: SetOption = None, as_json: JsonOption = False) -> None:
     """Print the effective configuration as TOML."""
-    from fbgraph.config import dump_toml, load_config
+    from fbgraph.core.config import dump_toml, load_config
 
     effective = load_config(config, set_ or ())
     print(effective.model_dump_json(indent=2) if as_json else dump_toml(effective), end="\n" if as_json else "")

@@ -26,13 +26,13 @@ from fbgraph.cli.app import (
     require_rerun,
 )
 from fbgraph.cli.printing import print_summary, progress_bar
-from fbgraph.errors import ConfigError
+from fbgraph.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from fbgraph.config import Config
-    from fbgraph.georeference import Georeference
-    from fbgraph.live_view import LiveView
-    from fbgraph.online import Update
+    from fbgraph.core.config import Config
+    from fbgraph.core.georeference import Georeference
+    from fbgraph.estimators.online import Update
+    from fbgraph.recording.live_view import LiveView
 
 
 @app.command()
@@ -56,9 +56,9 @@ def smooth(
     as_json: JsonOption = False,
 ) -> None:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps."""
-    from fbgraph.checkpoints import read_checkpoints
-    from fbgraph.config import load_config
-    from fbgraph.georeference import parse_origin
+    from fbgraph.core.checkpoints import read_checkpoints
+    from fbgraph.core.config import load_config
+    from fbgraph.core.georeference import parse_origin
     from fbgraph.pipeline import reconstruct, write_run
     from fbgraph.readers import preset, read_log
 
@@ -123,12 +123,12 @@ def online(
 ) -> None:
     """The trajectory while walking: replay a log, or follow a live device. Ctrl-C ends the walk, not the data."""
     from fbgraph import session
-    from fbgraph.checkpoints import read_checkpoints
-    from fbgraph.config import load_config
-    from fbgraph.exports import check_run_folder
-    from fbgraph.georeference import parse_origin
+    from fbgraph.core.checkpoints import read_checkpoints
+    from fbgraph.core.config import load_config
+    from fbgraph.core.georeference import parse_origin
     from fbgraph.readers import preset, read_log
-    from fbgraph.sources import open_source
+    from fbgraph.readers.sources import open_source
+    from fbgraph.run.folder import check_run_folder
 
     if (log is None) == (source is None):
         raise ConfigError("name either a LOG to replay or a --source to follow")
@@ -199,7 +199,7 @@ def _live_view(config: Config, view: bool, url: str | None) -> LiveView | None:
     if not view and url is None:
         return None
     require_rerun()
-    from fbgraph.live_view import LiveView
+    from fbgraph.recording.live_view import LiveView
 
     return LiveView(config, url)
 
@@ -258,7 +258,7 @@ def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
                 del fields["returning"]
             print(json.dumps(fields), flush=True)
         elif follow:
-            from fbgraph.geometry import heading_deg
+            from fbgraph.core.geometry import heading_deg
 
             print(
                 f"{update.t_s:8.2f} s  step {update.k:5d}  x {update.x_m:8.2f}  y {update.y_m:8.2f}  "

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from fbgraph.errors import ConfigError, DataError
+from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.readers.base import LogFile, assemble, open_text
 
 FORMATS = ("getsensordata", "indoor_location", "m5stickc")

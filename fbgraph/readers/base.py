@@ -13,10 +13,10 @@ from typing import IO
 
 import numpy as np
 
-from fbgraph.checkpoints import Checkpoints
-from fbgraph.errors import DataError
-from fbgraph.geometry import BoolArray, FloatArray, IntArray
-from fbgraph.log import Event, SensorLog, Stream
+from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.core.log import Event, SensorLog, Stream
 
 MIN_DURATION_S = 1.0
 MIN_SAMPLES = 10

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fbgraph.errors import DataError
-from fbgraph.geometry import FloatArray, IntArray
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.readers.base import LIMITS, MAX_T_NS, to_ns
 
 ASSUMED_RATE_HZ = 50

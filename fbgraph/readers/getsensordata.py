@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.checkpoints import Checkpoints, checkpoints
-from fbgraph.georeference import Georeference
+from fbgraph.core.checkpoints import Checkpoints, checkpoints
+from fbgraph.core.georeference import Georeference
 from fbgraph.readers.base import RawLog, RawStream, open_text, to_ns
 
 NAME = "getsensordata"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.checkpoints import checkpoints
+from fbgraph.core.checkpoints import checkpoints
 from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, open_text
 
 NAME = "indoor_location"

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.errors import DataError
-from fbgraph.geometry import IntArray
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import IntArray
 from fbgraph.readers.base import RawLog, RawStream, open_text
 from fbgraph.readers.columns import CANONICAL, Columns, Rows
 

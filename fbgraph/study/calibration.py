@@ -14,10 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from fbgraph.config import Config, StepLengthConfig
-from fbgraph.errors import DataError
-from fbgraph.geometry import FloatArray, wrap_angle
-from fbgraph.steps import StepTrack
+from fbgraph.core.config import Config, StepLengthConfig
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.front_end.front_end import StepTrack
 from fbgraph.study.trial import Trial, Turns
 
 LAMBDAS = tuple(round(0.1 * k, 1) for k in range(11))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from fbgraph.geometry import FloatArray
+from fbgraph.core.geometry import FloatArray
 
 CONFIDENCE = 0.95
 RESAMPLES = 9999

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.errors import ConfigError
-from fbgraph.gait import Walker
-from fbgraph.routes import load_route
-from fbgraph.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.core.errors import ConfigError
+from fbgraph.simulator.gait import Walker
+from fbgraph.simulator.routes import load_route
+from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
 
 TRIALS = 36
 """As in the paper."""

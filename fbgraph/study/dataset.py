@@ -12,8 +12,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from fbgraph.config import ColumnsConfig, DatasetConfig
-from fbgraph.errors import DataError
+from fbgraph.core.config import ColumnsConfig, DatasetConfig
+from fbgraph.core.errors import DataError
 from fbgraph.study.trial import Table, Trial, find_columns, read_trial
 
 

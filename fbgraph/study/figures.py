@@ -18,8 +18,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from scipy import stats
 
-from fbgraph.geometry import FloatArray
-from fbgraph.palette import COLORS
+from fbgraph.core.geometry import FloatArray
+from fbgraph.core.palette import COLORS
 from fbgraph.study.course import OBSTACLE_M
 from fbgraph.study.protocol import LABELS, StudyResult, TrialResult
 

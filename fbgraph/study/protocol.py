@@ -18,14 +18,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from fbgraph.attitude import LevelledSignals
-from fbgraph.config import Config
-from fbgraph.geometry import FloatArray, wrap_angle
-from fbgraph.steps import StepTrack
+from fbgraph.core.config import Config
+from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.front_end.front_end import StepTrack
+from fbgraph.front_end.leveller import LevelledSignals
 from fbgraph.study.calibration import StepModel
 from fbgraph.study.comparison import Comparison
 from fbgraph.study.trial import Path2D, Trial, Turns, walking_direction
-from fbgraph.trajectory import Trajectory
 
 LABELS = {
     "logged_pdr": "logged PDR",

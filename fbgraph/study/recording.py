@@ -13,9 +13,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from fbgraph.blueprint import Frame
-from fbgraph.palette import COLORS
-from fbgraph.rrd import RrdWriter
+from fbgraph.core.palette import COLORS
+from fbgraph.recording.blueprint import Frame
+from fbgraph.recording.writer import RrdWriter
 from fbgraph.study.protocol import LABELS, StudyResult
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from fbgraph import __version__
-from fbgraph.config import dump_toml
+from fbgraph.core.config import dump_toml
 from fbgraph.study.comparison import CONFIDENCE, RESAMPLES, Overall, Paired
 from fbgraph.study.figures import draw
 from fbgraph.study.protocol import LABELS, MATCH_S, MIN_TURN_RAD, TURN_S, StudyResult

@@ -15,15 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.config import Config
-from fbgraph.ekf import run_ekf
-from fbgraph.errors import ConfigError, DataError, FbgraphError
-from fbgraph.exports import whole_folder
-from fbgraph.geometry import FloatArray
-from fbgraph.online import OnlineSmoother
-from fbgraph.pdr import dead_reckon
-from fbgraph.smoother import smooth
-from fbgraph.steps import StepTrack, detect_steps
+from fbgraph.core.config import Config
+from fbgraph.core.errors import ConfigError, DataError, FbgraphError
+from fbgraph.core.geometry import FloatArray
+from fbgraph.estimators.ekf import run_ekf
+from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.estimators.pdr import dead_reckon
+from fbgraph.estimators.smoother import smooth
+from fbgraph.front_end.front_end import StepTrack, detect_steps
+from fbgraph.run.folder import whole_folder
 from fbgraph.study.calibration import LAMBDAS, Evidence, StepModel, evidence, fit, map_offset_rad
 from fbgraph.study.comparison import Comparison, Overall, current_of, interval_of_mean, paired
 from fbgraph.study.dataset import Dataset, read_dataset

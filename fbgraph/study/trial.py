@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fbgraph.config import ColumnsConfig, DatasetConfig
-from fbgraph.errors import DataError
-from fbgraph.geometry import BoolArray, FloatArray
-from fbgraph.log import SensorLog
+from fbgraph.core.config import ColumnsConfig, DatasetConfig
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import BoolArray, FloatArray
+from fbgraph.core.log import SensorLog
 from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, assemble, to_ns
 from fbgraph.readers.columns import UNITS, Columns, Rows, plain_name
 from fbgraph.readers.m5stickc import drop_repeats

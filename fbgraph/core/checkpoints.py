@@ -1,0 +1,157 @@
+"""Checkpoints: known places at known times. As truth they only score; as anchors they enter the graph.
+
+CSV, with a header, on the log's own clock: ``t_s,x_m,y_m[,z_m][,floor][,sigma_m]``, or ``lat_deg,lon_deg`` for
+``x_m,y_m`` (metres are then those East and North of the first row). The columns of the IPIN 2023 truth files
+(``t_app_s,checkpoint,lat_deg,lon_deg,floor,east_m,north_m``) are understood too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import FloatArray
+from fbgraph.core.georeference import Georeference
+
+_SLACK_S = 5.0
+_ALIASES = {"t_app_s": "t_s", "east_m": "x_m", "north_m": "y_m", "up_m": "z_m"}
+
+
+@dataclass(frozen=True)
+class Checkpoints:
+    """Places in a local frame (x East, y North, metres) and when the wearer was there.
+
+    Attributes:
+        t_s: (M,) non-decreasing; seconds on the clock of ``SensorLog.t0_s + t_s`` (the format's event clock).
+        x_m, y_m: (M,).
+        z_m: (M,) nan where unknown.
+        floor: (M,) floor number as surveyed, nan where unknown; never metres.
+        sigma_m: (M,) standard deviation of x and y, nan where not given.
+        source: where they came from, for messages.
+        georeference: where on Earth the local frame lies, None if nobody knows.
+    """
+
+    t_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    z_m: FloatArray
+    floor: FloatArray
+    sigma_m: FloatArray
+    source: str = ""
+    georeference: Georeference | None = None
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @property
+    def xy_m(self) -> FloatArray:
+        """(M, 2)."""
+        return np.column_stack((self.x_m, self.y_m))
+
+    def require_within(self, start_s: float, end_s: float) -> None:
+        """Refuse places of another log or clock.
+
+        Args:
+            start_s, end_s: of the log, on the clock of ``t_s``; a few seconds more are allowed.
+
+        Raises:
+            DataError: one of them lies outside.
+        """
+        outside = np.flatnonzero((self.t_s < start_s - _SLACK_S) | (self.t_s > end_s + _SLACK_S))
+        if len(outside):
+            raise DataError(
+                f"{self.source}: the anchor at {self.t_s[outside[0]]:.1f} s lies outside the log "
+                f"({start_s:.1f} to {end_s:.1f} s): another log's, or another clock"
+            )
+
+    def in_frame_of(self, other: Checkpoints | None) -> Checkpoints:
+        """The same places in another's frame, where both are known on Earth; else as they are."""
+        if other is None or self.georeference is None or other.georeference is None:
+            return self
+        origin = np.array([[self.georeference.lat_deg, self.georeference.lon_deg]])
+        dx_m, dy_m = other.georeference.local_m(origin)[0]
+        return replace(self, x_m=self.x_m + dx_m, y_m=self.y_m + dy_m, georeference=other.georeference)
+
+    def select(self, which: slice | FloatArray) -> Checkpoints:
+        """The checkpoints at these indices."""
+        fields = ("t_s", "x_m", "y_m", "z_m", "floor", "sigma_m")
+        return replace(self, **{name: getattr(self, name)[which] for name in fields})
+
+
+def checkpoints(
+    t_s: FloatArray,
+    x_m: FloatArray,
+    y_m: FloatArray,
+    z_m: FloatArray | None = None,
+    floor: FloatArray | None = None,
+    sigma_m: FloatArray | None = None,
+    source: str = "",
+    georeference: Georeference | None = None,
+) -> Checkpoints:
+    """Checkpoints in order of time, with nan for what is not known."""
+    order = np.argsort(t_s, kind="stable")
+
+    def column(values: FloatArray | None) -> FloatArray:
+        full = np.full(len(t_s), np.nan) if values is None else np.asarray(values, dtype=float)
+        return full[order]
+
+    return Checkpoints(
+        t_s=column(t_s),
+        x_m=column(x_m),
+        y_m=column(y_m),
+        z_m=column(z_m),
+        floor=column(floor),
+        sigma_m=column(sigma_m),
+        source=source,
+        georeference=georeference,
+    )
+
+
+def read_checkpoints(path: Path) -> Checkpoints:
+    """Read a checkpoint CSV.
+
+    Raises:
+        DataError: the file cannot be read, lacks ``t_s``, ``x_m`` or ``y_m``, or holds a row that is not numbers.
+    """
+    import pandas as pd  # here, because it takes a second to import
+
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+    except (OSError, ValueError) as error:  # pandas' parser and decoding errors are ValueErrors
+        raise DataError(f"{path}: not a readable checkpoint CSV: {str(error).splitlines()[0]}") from error
+    table = table.rename(columns={name: _ALIASES.get(name.strip(), name.strip()) for name in table.columns})
+    on_earth = {"lat_deg", "lon_deg"} <= set(table.columns)
+    places = ("lat_deg", "lon_deg") if on_earth and not {"x_m", "y_m"} <= set(table.columns) else ("x_m", "y_m")
+    missing = [name for name in ("t_s", *places) if name not in table]
+    if missing:
+        raise DataError(
+            f"{path}: no column {', '.join(missing)} (found {', '.join(map(str, table.columns))}); "
+            "a checkpoint file needs t_s,x_m,y_m[,z_m][,floor][,sigma_m], or lat_deg,lon_deg for x_m,y_m"
+        )
+    if len(table) == 0:
+        raise DataError(f"{path}: a header and no checkpoint")
+    columns: dict[str, FloatArray] = {}
+    for name in ("t_s", "x_m", "y_m", "lat_deg", "lon_deg", "z_m", "floor", "sigma_m"):
+        if name in table:
+            values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
+            if name in ("t_s", *places) and not np.isfinite(values).all():
+                row = int(np.flatnonzero(~np.isfinite(values))[0])
+                raise DataError(f"{path}: row {row + 1} after the header: {name} is not a number")
+            columns[name] = values
+    return checkpoints(**_placed(columns), source=str(path))
+
+
+def _placed(columns: dict[str, FloatArray]) -> dict[str, Any]:
+    """Latitude and longitude as metres in a local frame, or, if there are metres too, as where that frame lies."""
+    lat_deg, lon_deg = columns.pop("lat_deg", np.empty(0)), columns.pop("lon_deg", np.empty(0))
+    if not (len(lat_deg) and len(lon_deg) and np.isfinite((lat_deg[0], lon_deg[0])).all()):
+        return dict(columns)
+    first = Georeference(float(lat_deg[0]), float(lon_deg[0]))
+    if "x_m" in columns and "y_m" in columns:
+        return {**columns, "georeference": first.moved(-columns["x_m"][0], -columns["y_m"][0])}
+    x_m, y_m = first.local_m(np.column_stack((lat_deg, lon_deg))).T
+    return {**columns, "x_m": x_m, "y_m": y_m, "georeference": first}

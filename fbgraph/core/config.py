@@ -1,0 +1,433 @@
+"""Configuration: typed, immutable, unknown keys refused at any depth.
+
+Precedence: built-in defaults < ``--config`` (a preset's name or a TOML file) < ``--set a.b=value`` < flags. The
+effective configuration is written into every run as ``config.toml``. Presets in ``configs/`` hold only what differs.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
+
+from fbgraph.core.errors import ConfigError
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
+"""One name or a list of them."""
+
+
+class Section(BaseModel):
+    """A table of the configuration: frozen, and a mistyped key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+
+class DeviceConfig(Section):
+    """How the device is carried."""
+
+    mount: tuple[float, float, float] = (0.0, 0.70710678, -0.70710678)
+    """Body direction whose horizontal projection points where the person walks (top edge and back of the device)."""
+    declination_deg: float = 0.0
+    """Magnetic declination, positive East; added to the compass so that y is true North."""
+
+
+class AttitudeConfig(Section):
+    """Levelling, compass and altitude."""
+
+    rate_hz: Positive = 100.0
+    """Common rate to which the inertial streams are brought."""
+    max_gap_s: Positive = 0.5
+    """A longer silence of accelerometer or gyroscope is a gap: nothing is integrated across it."""
+    level_tau_s: Positive = 3.0
+    """Time constant of the accelerometer correction in vqf."""
+    still_window_s: Positive = 1.5
+    """Length of the window over which stillness is judged."""
+    still_acc_m_s2: Positive = 0.35
+    """Largest standard deviation of |acc| while standing still."""
+    still_gyro_rad_s: Positive = 0.12
+    """Largest standard deviation of the angular rate while standing still (a hand trembles)."""
+    altitude_tau_s: Positive = 1.0
+    """Time constant of the altitude low-pass."""
+
+
+class StepsConfig(Section):
+    """Step detection (paper, section Step Detection Algorithm)."""
+
+    smoothing_s: Positive = 0.15
+    """Moving average of |acc|, N samples of the paper."""
+    window_s: Positive = 4.0
+    """Sliding window of the mean and deviation in T_s = mean + lambda * sigma."""
+    lambda_sigma: NonNegative = 0.2
+    """λ of the paper."""
+    min_interval_s: Positive = 0.33
+    """Refractory interval T_min."""
+    max_interval_s: Positive = 1.2
+    """A longer interval between peaks is a pause, not a step."""
+    min_rise_m_s2: Positive = 0.8
+    """A maximum must stand this far above the valley before it."""
+    min_run: Annotated[int, Field(ge=2)] = 4
+    """Steps come in runs of at least this many."""
+    max_tilt_rate_rad_s: Positive = 3.0
+    """A device that tilts faster than this on average over a step is being shaken, not carried."""
+    max_wobble_rad: Positive = 1.3
+    """A device whose yaw goes back and forth by more than this within two seconds is being shaken, not carried."""
+    spin_window_s: Positive = 3.0
+    max_spin_rad: Positive = 4.2
+    """Who turns further than this within spin_window_s turns on the spot."""
+
+
+class StepLengthConfig(Section):
+    """L = alpha + beta * f_step + gamma * slope (paper, section Parameter Selection) + kappa * bounce^(1/4).
+
+    The last term is ours, after Weinberg (Analog Devices AN-602): at the same cadence a longer step bounces more.
+    It is 0 for devices whose bounce is unknown. Defaults are fitted to hand-held phones.
+    """
+
+    constant_m: Positive = 0.64
+    """L0 of the baseline PDR."""
+    alpha_m: float = 0.615
+    beta_m_s: float = -0.315
+    """Metres per hertz of step frequency. Negative beside a bounce: the same bounce, only faster, is less rise."""
+    gamma_m: float = -1.75
+    """Metres per unit slope; slope = |climb rate| / flat walking speed, so stairs shorten the step."""
+    kappa: float = 0.366
+    """Metres per fourth root of the peak-to-peak vertical acceleration in m/s²."""
+    min_climb_m_s: NonNegative = 0.2
+    """A slower change of altitude is taken for air pressure, not for slope."""
+    shortest_m: Positive = 0.15
+    """No step is shorter, whatever the slope."""
+
+
+class EkfConfig(Section):
+    """The paper's heading filter, state [yaw, gyro bias]."""
+
+    sigma_yaw_step_rad: Positive = 0.03
+    """Process noise of yaw per step (body sway, gyroscope noise)."""
+    sigma_bias_walk_rad_s: Positive = 1e-4
+    """Process noise of the bias per root second."""
+    sigma_bias_rad_s: Positive = 0.02
+    """Initial standard deviation of the bias before any rest."""
+    sigma_mag_rad: Positive = 0.35
+    """Compass noise in an undisturbed field, one step."""
+    norm_scale_ut: Positive = 6.0
+    dip_scale_rad: Positive = 0.15
+    """Deviation of strength and dip from their recent usual that doubles the compass variance."""
+    gate_sigma: Positive = 2.0
+    """An innovation beyond this many deviations is down-weighted by its square."""
+    altitude_tau_s: Positive = 3.0
+    """Time constant of the altitude filter."""
+
+
+class GraphConfig(Section):
+    """Weights of the factors."""
+
+    sigma_length_rel: Positive = 0.08
+    """Step length, relative, one step to the next."""
+    sigma_slope_rel: NonNegative = 0.5
+    """Error of what the slope term adds to a step, relative."""
+    sigma_lateral_m: Positive = 0.05
+    """Sideways error of a step."""
+    sigma_length_scale: NonNegative = 0.06
+    """Length error common to all steps of a walk: a wearer walks longer or shorter than the model's."""
+    aided_length_steps: Positive = 30.0
+    """With anchors or a closed end the common length error is spread over steps, as if it changed after so many."""
+    sigma_mount_rad: NonNegative = 0.07
+    """Heading error common to the whole walk: how the device is held, and the compass itself."""
+    sigma_yaw_step_rad: Positive = 0.02
+    """Yaw change of a step by the gyroscope."""
+    sigma_bias_rad_s: Positive = 0.008
+    """Gyroscope bias before any rest."""
+    sigma_bias_walk_rad_s: Positive = 1e-4
+    """Bias random walk per root second."""
+    sigma_mag_rad: Positive = 0.26
+    """Compass against true heading, where iron is near."""
+    mag_correlation_m: Positive = 6.0
+    """Distance walked over which a compass error stays the same."""
+    mag_huber: Positive = 1.0
+    """Compass residuals beyond this many sigma_mag_rad count linearly (Huber)."""
+    norm_scale_ut: Positive = 20.0
+    dip_scale_rad: Positive = 0.5
+    """Deviation of strength and dip from their usual that doubles the compass variance."""
+    sigma_gap_m_s: Positive = 1.5
+    """Where the log is silent the wearer may have walked at this speed, in any direction."""
+    sigma_altitude_m: Positive = 0.35
+    """Barometric altitude of one step."""
+    sigma_climb_m: Positive = 0.12
+    """Change of altitude in one step."""
+    sigma_anchor_m: Positive = 0.5
+    """Anchors that give no sigma of their own."""
+    sigma_closure_m: Positive = 1.0
+    """How close to its start a closed walk ends."""
+
+
+class SolverConfig(Section):
+    """Levenberg-Marquardt."""
+
+    max_iterations: Annotated[int, Field(ge=1)] = 100
+    relative_error: Positive = 1e-12
+
+
+class OnlineConfig(Section):
+    """iSAM2."""
+
+    window_steps: Annotated[int, Field(ge=10)] = 150
+    """Breadcrumbs that later steps may still move; the tree holds up to twice as many."""
+    relinearize_yaw_rad: Positive = 0.05
+    """A breadcrumb whose yaw has moved further is linearised anew."""
+    relinearize_skip: Annotated[int, Field(ge=1)] = 5
+    """Look for such breadcrumbs every so many steps."""
+    wildfire: Positive = 0.02
+    """Changes below this (rad, m) are not passed on to older breadcrumbs until somebody asks for them."""
+
+
+class ColumnsConfig(Section):
+    """What the columns of a trial's table may be called; upper case, signs and a unit at the end do not matter.
+
+    ``configs/forestback.toml`` names them all and says what each is.
+    """
+
+    time: Names = ()
+    trial: Names = ()
+    acc_x: Names = ()
+    acc_y: Names = ()
+    acc_z: Names = ()
+    gyro_x: Names = ()
+    gyro_y: Names = ()
+    gyro_z: Names = ()
+    mag_x: Names = ()
+    mag_y: Names = ()
+    mag_z: Names = ()
+    pressure: Names = ()
+    altitude: Names = ()
+    step: Names = ()
+    turn: Names = ()
+    checkpoint: Names = ()
+    truth_x: Names = ()
+    truth_y: Names = ()
+    truth_heading: Names = ()
+    pdr_x: Names = ()
+    pdr_y: Names = ()
+    pdr_heading: Names = ()
+    pdr_error: Names = ()
+    forestback_x: Names = ()
+    forestback_y: Names = ()
+    forestback_heading: Names = ()
+    forestback_error: Names = ()
+    current: Names = ()
+
+
+class UnitsConfig(Section):
+    """Units that the columns' own names do not tell; "" leaves them to be judged by magnitude."""
+
+    time: Literal["", "s", "ms", "us", "ns"] = ""
+    acc: Literal["", "g", "mg", "ms2"] = ""
+    gyro: Literal["", "dps", "rads"] = ""
+    mag: Literal["", "ut", "nt", "mgauss", "gauss"] = ""
+    pressure: Literal["", "hpa", "pa", "kpa"] = ""
+    heading: Literal["", "deg", "rad"] = ""
+    current: Literal["", "ma", "a"] = ""
+
+
+class DatasetConfig(Section):
+    """The layout of a data set of trials (``fbgraph study``)."""
+
+    columns: ColumnsConfig = ColumnsConfig()
+    units: UnitsConfig = UnitsConfig()
+    rate_hz: Positive = 100.0
+    """Rows a second, of tables without a time column."""
+    map_yaw_deg: float = 0.0
+    """How far the ground truth's x axis is turned from magnetic East, counter-clockwise."""
+
+
+class ReturnConfig(Section):
+    """The way back: when it begins, and how it is matched to the way out."""
+
+    at: str = "never"
+    """When the way back begins: never, auto (it is noticed), event (a button's) or seconds since log start."""
+    out_and_back: bool = True
+    """Of a whole log: look for a turn-back and tie the way back to the way out."""
+    retraced_m: Positive = 12.0
+    """How much must have been walked back before a turn-back is believed."""
+    apart_m: Positive = 1.5
+    """How far from the way out that may be, on average."""
+    corridor_m: Positive = 2.5
+    """Who is further from the route than this, beyond doubt, is off it."""
+    drift_m: Positive = 0.12
+    """Dead reckoning on the way back drifts by this after one metre, growing with the square root of the distance."""
+    sigma_pull_m: Positive = 2.5
+    """How little a step on the route says about the drift; larger believes dead reckoning more."""
+    sigma_place_m: Positive = 3.0
+    """Place against the route."""
+    sigma_turn_rad: Positive = 0.35
+    """Direction of a step against that of the route."""
+    sigma_mag_ut: Positive = 2.5
+    """Magnetic field against that of the way out at the same place."""
+    sigma_altitude_m: Positive = 0.7
+    """Altitude against that of the way out."""
+    sigma_step_rel: Positive = 0.15
+    """Length of a step against the same stretch on the way out."""
+    arrived_m: Positive = 3.5
+    """Who has no more than this left, some five steps, has arrived."""
+    closure_doubt_m: Positive = 0.8
+    """A match that may be further off than this (one sigma) never enters the graph."""
+    closure_steady_m: Positive = 4.0
+    """Nor one before the route has been followed for so long."""
+    closure_every_m: Positive = 3.0
+    closure_away_m: NonNegative = 8.0
+    """Nor one this close to the turn-back, where nobody knows what milling about did to the distance."""
+    closure_sigma_m: Positive = 0.7
+    """How near the way back is to the way out, besides the doubt of the match."""
+
+    @field_validator("at", mode="before")
+    @classmethod
+    def _when(cls, value: object) -> str:
+        text = str(value).strip()
+        if text not in ("never", "auto", "event"):
+            try:
+                seconds = float(text)
+            except ValueError:
+                seconds = math.nan
+            if not 0.0 <= seconds < math.inf:
+                raise ValueError("expected never, auto, event or seconds since log start (--return-at)")
+        return text
+
+
+class Config(Section):
+    """The whole configuration."""
+
+    device: DeviceConfig = DeviceConfig()
+    attitude: AttitudeConfig = AttitudeConfig()
+    steps: StepsConfig = StepsConfig()
+    step_length: StepLengthConfig = StepLengthConfig()
+    ekf: EkfConfig = EkfConfig()
+    graph: GraphConfig = GraphConfig()
+    solver: SolverConfig = SolverConfig()
+    online: OnlineConfig = OnlineConfig()
+    dataset: DatasetConfig = DatasetConfig()
+    returning: ReturnConfig = ReturnConfig()
+
+
+def preset_folder() -> Traversable:
+    """Where the presets are: inside the package when installed, beside it in a checkout."""
+    inside = files("fbgraph") / "configs"
+    return inside if inside.is_dir() else Path(__file__).resolve().parents[2] / "configs"
+
+
+def preset_names() -> list[str]:
+    """Names that ``--config`` takes besides a path."""
+    return sorted(
+        entry.name.removesuffix(".toml") for entry in preset_folder().iterdir() if entry.name.endswith(".toml")
+    )
+
+
+def load_config(source: str | None = None, overrides: Iterable[str] = ()) -> Config:
+    """The effective configuration.
+
+    Args:
+        source: a preset's name or the path of a TOML file; None for the defaults.
+        overrides: ``a.b=value`` strings, values in TOML notation (a bare word is taken as a string).
+
+    Raises:
+        ConfigError: no such preset or file, not TOML, an unknown key or an invalid value, with its dotted path.
+    """
+    values: dict[str, Any] = _read_source(source) if source is not None else {}
+    for override in overrides:
+        path, equals, text = override.partition("=")
+        if not equals or not path.strip():
+            raise ConfigError(f"--set {override!r}: expected key=value, for example --set steps.lambda_sigma=0.5")
+        _put(values, path.strip(), _parse_value(text.strip()))
+    return parse_config(values, source or "--set")
+
+
+def load_mapping(path: Path, dataset: DatasetConfig) -> DatasetConfig:
+    """A data set's layout with what a mapping file says otherwise; columns that the file does not name stay.
+
+    Args:
+        path: TOML with ``[dataset.columns]``, ``[dataset.units]`` and ``[dataset]``, as in ``configs/forestback.toml``.
+        dataset: the layout to start from.
+
+    Raises:
+        ConfigError: unreadable, not TOML, no or another table than ``[dataset]``, an unknown key, an invalid value.
+    """
+    try:
+        values = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"--mapping {path}: not a readable file") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"--mapping {path}: not TOML: {error}") from error
+    if other := sorted(values.keys() - {"dataset"}):
+        raise ConfigError(
+            f"--mapping {path}: unknown key {other[0]!r}; only [dataset] tables here, all else in --config"
+        )
+    given = parse_config(values, f"--mapping {path}").dataset
+    if not given.model_fields_set:
+        raise ConfigError(f"--mapping {path}: says nothing; it needs [dataset.columns], see configs/forestback.toml")
+    tables = {
+        name: getattr(dataset, name).model_copy(update=getattr(given, name).model_dump(exclude_unset=True))
+        for name in ("columns", "units")
+    }
+    plain = {name: getattr(given, name) for name in given.model_fields_set - tables.keys()}
+    return dataset.model_copy(update=tables | plain)
+
+
+def parse_config(values: Mapping[str, Any], source: str) -> Config:
+    """Validate a nested mapping.
+
+    Raises:
+        ConfigError: naming ``source`` and the dotted path of what is wrong.
+    """
+    try:
+        return Config.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        path = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "extra_forbidden":
+            raise ConfigError(f"{source}: unknown key {path!r}; `fbgraph config` prints all keys") from error
+        raise ConfigError(f"{source}: {path}: {first['msg']} (got {first['input']!r})") from error
+
+
+def dump_toml(config: Config) -> str:
+    """The configuration as TOML, every key."""
+    return tomli_w.dumps(config.model_dump(mode="json"))
+
+
+def _read_source(source: str) -> dict[str, Any]:
+    try:
+        if source in preset_names():
+            text = (preset_folder() / f"{source}.toml").read_text("utf-8")
+        else:
+            text = Path(source).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"--config {source}: neither a preset ({', '.join(preset_names())}) nor a readable file"
+        ) from error
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"--config {source}: not TOML: {error}") from error
+
+
+def _put(values: dict[str, Any], path: str, value: Any) -> None:
+    *parents, last = path.split(".")
+    table = values
+    for parent in parents:
+        table = table.setdefault(parent, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"--set {path}: {parent!r} is a value, not a table")
+    table[last] = value
+
+
+def _parse_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text

@@ -1,0 +1,1 @@
+"""From steps to trajectories: dead reckoning, the EKF, the factor graph, batch and online."""

@@ -1,0 +1,235 @@
+"""Full smoothing: the whole graph at once, by Levenberg-Marquardt from the EKF's trajectory."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import B, X, Z
+
+from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.config import Config, GraphConfig, SolverConfig
+from fbgraph.core.errors import EstimationError
+from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.graph import Graph, GraphBuilder, Node, Values, anchor_factors, closed_walk_factor
+from fbgraph.estimators.residuals import Residuals, factor_residuals
+from fbgraph.front_end.front_end import StepTrack
+from fbgraph.way_back.closures import Closure, closure_factor, find_closures, find_turn_back
+from fbgraph.way_back.turn_back import TurnBack
+
+Marginals = Any  # gtsam.Marginals
+Solved = TypeVar("Solved")
+_STACK_MIN, _STACK_PER_BREADCRUMB, _STACK_MAX = 64 << 20, 4096, 1 << 30
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A smoothed walk and how the solver got there.
+
+    Attributes:
+        trajectory: with covariance.
+        errors: (I+1,) the graph's error (half the weighted sum of squares, robust) before the first of I iterations
+            and after each.
+        factors: number of factors in the graph.
+        residuals: of every factor at the solution, by kind.
+        closures: breadcrumbs tied to earlier ones.
+    """
+
+    trajectory: Trajectory
+    errors: FloatArray
+    factors: int
+    residuals: tuple[Residuals, ...]
+    closures: tuple[Closure, ...] = ()
+
+    @property
+    def iterations(self) -> int:
+        """Of the solver."""
+        return len(self.errors) - 1
+
+
+def smooth(
+    track: StepTrack,
+    seed: Trajectory,
+    graph_config: GraphConfig,
+    solver_config: SolverConfig,
+    anchors: Checkpoints | None = None,
+    t0_s: float = 0.0,
+    closed_walk: bool = False,
+    *,
+    closures: Sequence[Closure] = (),
+) -> Smoothed:
+    """Smooth a walk.
+
+    Args:
+        track: the steps.
+        seed: where to start, near the answer: the EKF's trajectory.
+        graph_config, solver_config: weights and limits.
+        anchors: known places; with them the result is in their frame, not at the origin.
+        t0_s: brings the track's times to the anchors' clock.
+        closed_walk: the walk is known to end where it began.
+
+    Raises:
+        EstimationError: the solver failed or its answer is not finite.
+    """
+    graph, values = build(track, seed, graph_config, anchors, t0_s, closed_walk)
+    for closure in closures:
+        graph.push_back(closure_factor(closure))
+    params = gtsam.LevenbergMarquardtParams()
+    params.setMaxIterations(solver_config.max_iterations)
+    params.setRelativeErrorTol(solver_config.relative_error)
+    params.setAbsoluteErrorTol(1e-12)
+    errors: list[float] = []
+    params.iterationHook = lambda iteration, before, after: errors.append(float(after))
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
+    error_initial = optimizer.error()
+
+    def solve() -> tuple[Values, Marginals]:
+        result = optimizer.optimize()
+        return result, gtsam.Marginals(graph, result)
+
+    try:
+        result, marginals = on_deep_stack(solve, len(track))
+    except RuntimeError as error:
+        raise EstimationError(f"the smoother failed: {str(error).strip().splitlines()[0]}") from error
+    if not np.isfinite(optimizer.error()):
+        raise EstimationError("the smoother diverged: its error is not finite")
+    anchored = anchors is not None and len(anchors) > 1
+    return Smoothed(
+        trajectory=trajectory_of(track, result, marginals, graph_config, anchored),
+        errors=np.array([error_initial, *errors]),
+        factors=graph.size(),
+        residuals=factor_residuals(graph, result),
+        closures=tuple(closures),
+    )
+
+
+def tie_way_back(
+    smoothed: Smoothed,
+    track: StepTrack,
+    seed: Trajectory,
+    config: Config,
+    anchors: Checkpoints | None = None,
+    t0_s: float = 0.0,
+    closed_walk: bool = False,
+) -> tuple[Smoothed, TurnBack | None]:
+    """Smooth a walk out and back once more, each stretch of the way back tied to the same stretch of the way out.
+
+    Args:
+        smoothed: the walk without closures.
+        track, seed, anchors, t0_s, closed_walk: as they were given to ``smooth``.
+        config: the effective configuration.
+
+    Returns:
+        The walk, as it was if no turn-back or no trustworthy match is found, and the turn-back.
+
+    Raises:
+        EstimationError: as ``smooth``.
+    """
+    turned = find_turn_back(smoothed.trajectory, track, config.step_length, config.returning)
+    closures = find_closures(smoothed.trajectory, track, turned, config.step_length, config.returning)
+    if not closures:
+        return smoothed, turned
+    # who turned on the spot by more than half a circle between two steps is unwrapped as in the seed
+    yaw_rad = seed.yaw_rad + wrap_angle(smoothed.trajectory.yaw_rad - seed.yaw_rad)
+    near = replace(smoothed.trajectory, yaw_rad=yaw_rad)
+    tied = smooth(track, near, config.graph, config.solver, anchors, t0_s, closed_walk, closures=closures)
+    return tied, turned
+
+
+def on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
+    """Run a solver where its recursion has room: GTSAM eliminates a chain as deep as it is long.
+
+    Eight mebibytes, a usual stack, overflow at some 100,000 breadcrumbs, which ends the whole process.
+    """
+    before = threading.stack_size(min(_STACK_MIN + breadcrumbs * _STACK_PER_BREADCRUMB, _STACK_MAX))
+    try:
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            return pool.submit(solve).result()
+    finally:
+        threading.stack_size(before)
+
+
+def build(
+    track: StepTrack,
+    seed: Trajectory,
+    config: GraphConfig,
+    anchors: Checkpoints | None = None,
+    t0_s: float = 0.0,
+    closed_walk: bool = False,
+) -> tuple[Graph, Values]:
+    """The graph of a whole walk and the first values of its nodes; arguments as in ``smooth``."""
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    builder = GraphBuilder(
+        config,
+        compass=bool(np.isfinite(track.yaw_mag_rad[1])),
+        free_origin=anchors is not None,
+        turned=anchors is not None and len(anchors) > 1,
+        aided=anchors is not None or closed_walk,
+    )
+    columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))
+    previous = None
+    for step, row in zip(track.steps, columns.tolist(), strict=True):
+        node = Node(*row)
+        builder.add(step, node, previous, graph, values)
+        previous = node
+    for factor in anchor_factors(anchors, t0_s, track.t_s, track.length_m, config) if anchors is not None else ():
+        graph.push_back(factor)
+    if closed_walk:
+        graph.push_back(closed_walk_factor(len(track) - 1, config))
+    return graph, values
+
+
+def trajectory_of(
+    track: StepTrack, result: Values, marginals: Marginals, config: GraphConfig, anchored: bool
+) -> Trajectory:
+    """The breadcrumbs of a solved graph; ``anchored`` says that the walk's own scale and turn are known."""
+    count = len(track)
+    poses = gtsam.utilities.extractPose2(result)
+    z_m = np.array([result.atDouble(Z(k)) for k in range(count)])
+    bias = np.array([result.atDouble(B(k)) for k in range(count)])
+    covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])
+    sigma_z = np.array([marginals.marginalCovariance(Z(k))[0, 0] for k in range(count)]) ** 0.5
+    sigma_bias = np.array([marginals.marginalCovariance(B(k))[0, 0] for k in range(count)]) ** 0.5
+    covariance = body_to_world(covariance, poses[:, 2])
+    if not anchored:
+        covariance += walk_covariance(poses, config)
+    return Trajectory(
+        track.t_s,
+        poses[:, 0],
+        poses[:, 1],
+        z_m,
+        np.unwrap(poses[:, 2]),
+        bias,
+        cov_xy_yaw=covariance,
+        sigma_z_m=sigma_z,
+        sigma_bias_rad_s=sigma_bias,
+    )
+
+
+def body_to_world(covariance: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+    """(N, 3, 3) covariances of Pose2 tangent vectors (body frame) as those of (x, y, yaw) in the world frame."""
+    rotation = np.zeros((len(yaw_rad), 3, 3))
+    rotation[:, 0, 0] = rotation[:, 1, 1] = np.cos(yaw_rad)
+    rotation[:, 1, 0] = np.sin(yaw_rad)
+    rotation[:, 0, 1] = -rotation[:, 1, 0]
+    rotation[:, 2, 2] = 1.0
+    return np.asarray(rotation @ covariance @ rotation.transpose(0, 2, 1))
+
+
+def walk_covariance(poses: FloatArray, config: GraphConfig) -> FloatArray:
+    """(N, 3, 3) covariance of the errors that all steps of a walk share: its scale and its mount.
+
+    They turn and stretch the walk about its start and nothing inside it can tell, a closed end included; they need no
+    node of their own: with r = p - p_0, the scale moves p by r and the mount turns it by r⊥.
+    """
+    rx, ry = poses[:, 0] - poses[0, 0], poses[:, 1] - poses[0, 1]
+    zeros, ones = np.zeros(len(poses)), np.ones(len(poses))
+    scale = np.column_stack((rx, ry, zeros)) * config.sigma_length_scale
+    mount = np.column_stack((-ry, rx, ones)) * config.sigma_mount_rad
+    return np.asarray(np.einsum("ni,nj->nij", scale, scale) + np.einsum("ni,nj->nij", mount, mount))

@@ -1,0 +1,1 @@
+"""From samples to steps: levelling, rests, step detection and measurement."""

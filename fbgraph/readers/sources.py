@@ -1,0 +1,120 @@
+"""Where live lines come from: standard input, a serial port, a UDP or TCP socket. Bytes in, bytes out."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import sys
+from collections.abc import Callable, Iterator
+
+from fbgraph.core.errors import ConfigError, DataError
+
+_POLL_S = 0.2  # how soon a source notices that it should stop
+_CHUNK = 65536
+_BAUD = 115200
+
+Stop = Callable[[], bool]
+
+
+def open_source(spec: str, stop: Stop) -> Iterator[bytes]:
+    """Pieces of input as they arrive, cut anywhere, until the source ends or ``stop()`` is true.
+
+    Args:
+        spec: ``stdin``, ``serial:PORT[@BAUD]`` (115200 baud if not told), ``udp://[HOST]:PORT`` or ``tcp://[HOST]:PORT``.
+            Sockets wait for the device to send or connect, on the loopback address unless a host is named.
+        stop: asked several times a second.
+
+    Raises:
+        ConfigError: not such a specification.
+        DataError: the port or address cannot be opened.
+    """
+    if spec == "stdin":
+        return _stdin(stop)
+    if spec.startswith("serial:"):
+        port, at, baud = spec.removeprefix("serial:").rpartition("@") if "@" in spec else (spec[7:], "", "")
+        if not port or (at and not baud.isdigit()):
+            raise ConfigError(f"--source {spec}: expected serial:PORT[@BAUD], for example serial:/dev/ttyUSB0@115200")
+        return _serial(port, int(baud) if at else _BAUD, stop)
+    kind, slashes, address = spec.partition("://")
+    host, _, port = address.rpartition(":")
+    if kind in ("udp", "tcp") and slashes and port.isdigit() and int(port) < 65536:
+        return (_udp if kind == "udp" else _tcp)(host or "127.0.0.1", int(port), stop)
+    raise ConfigError(f"--source {spec}: expected stdin, serial:PORT[@BAUD], udp://HOST:PORT or tcp://HOST:PORT")
+
+
+def _stdin(stop: Stop) -> Iterator[bytes]:
+    return _read(sys.stdin.fileno(), stop)
+
+
+def _read(descriptor: int, stop: Stop) -> Iterator[bytes]:
+    while not stop():
+        if select.select([descriptor], [], [], _POLL_S)[0]:
+            data = os.read(descriptor, _CHUNK)
+            if not data:
+                return
+            yield data
+
+
+def _serial(port: str, baud: int, stop: Stop) -> Iterator[bytes]:
+    import serial  # only who has a cable needs it
+
+    try:
+        device = serial.Serial(port, baud, timeout=_POLL_S)
+    except (serial.SerialException, ValueError) as error:
+        raise DataError(f"serial port {port}: cannot be opened: {error}") from error
+
+    def lines() -> Iterator[bytes]:
+        with device:
+            while not stop():
+                try:
+                    data = device.read(max(device.in_waiting, 1))
+                except (serial.SerialException, OSError):  # the cable was pulled
+                    return
+                if data:
+                    yield data
+
+    return lines()
+
+
+def _udp(host: str, port: int, stop: Stop) -> Iterator[bytes]:
+    receiver = _bound(socket.SOCK_DGRAM, host, port)
+
+    def datagrams() -> Iterator[bytes]:
+        with receiver:
+            while not stop():
+                if select.select([receiver], [], [], _POLL_S)[0]:
+                    data = receiver.recv(_CHUNK)
+                    yield data if data.endswith(b"\n") else data + b"\n"  # a datagram holds whole lines
+
+    return datagrams()
+
+
+def _tcp(host: str, port: int, stop: Stop) -> Iterator[bytes]:
+    server = _bound(socket.SOCK_STREAM, host, port)
+    server.listen(1)
+
+    def received() -> Iterator[bytes]:
+        with server:
+            while not stop():
+                if select.select([server], [], [], _POLL_S)[0]:
+                    connection, _ = server.accept()
+                    with connection:
+                        try:
+                            yield from _read(connection.fileno(), stop)
+                        except OSError:  # the device went away
+                            return
+                    return
+
+    return received()
+
+
+def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=kind)[0]
+        bound = socket.socket(family, kind)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind(address)
+    except OSError as error:
+        raise DataError(f"{host}:{port}: cannot listen there: {error.strerror or error}") from error
+    return bound

@@ -1,0 +1,1 @@
+"""The Rerun recording and the live view: what is logged, where it is drawn, how it opens."""

@@ -1,0 +1,1 @@
+"""What a run found: its result, scores, findings, summary and folder."""

@@ -1,0 +1,296 @@
+"""What happened on a walk, and when: stretches to show as lanes over time, and sentences for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbgraph.core.geometry import BoolArray, FloatArray, wrap_angle
+from fbgraph.estimators.field import FieldMemory
+from fbgraph.estimators.graph import anchor_breadcrumbs
+from fbgraph.front_end.front_end import StepTrack
+from fbgraph.front_end.leveller import LevelledSignals
+from fbgraph.run.metrics import leg_errors
+from fbgraph.run.result import WalkResult
+from fbgraph.way_back.matcher import ReturnUpdate
+
+Lane = list[tuple[float, str | None]]
+"""Changes of state in order of time: since when (seconds), what; None is nothing to tell."""
+
+STANDING, WALKING, MOVING = "standing still", "walking", "moving, no steps"
+TRUSTED, DOUBTED = "consistent", "doubted"
+ON_ROUTE, OFF_ROUTE, ARRIVED = "way back", "off route", "arrived"
+
+_HALF = 0.5  # of the usual pull; a compass that is left less is doubted
+_SHORT_STEPS = 2  # a stretch of fewer is not worth telling
+_BRIDGED_STEPS = 3  # and a break of fewer does not end one
+_PAUSE_S = 3.0  # walking without a step for longer is told
+_SHOWN_S = 1.0  # how long a moment is shown
+_BLINK_S = 1.0  # a shorter stretch of neither standing nor walking is neither's end
+_SLOW, _FAST = 0.7, 1.4  # of the usual step frequency
+_SAME_HEIGHT_M = 0.5  # passes of one place that differ by more in altitude are told
+_MOST = 5  # stretches of one kind that are told
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A stretch of a walk that deserves a look; ``start_s``, ``end_s`` since log start."""
+
+    kind: str
+    start_s: float
+    end_s: float
+    text: str
+
+
+def wearer_lane(signals: LevelledSignals, track: StepTrack, still_window_s: float) -> Lane:
+    """What the wearer did: ``STANDING``, ``WALKING``, ``MOVING`` (by hand or foot, but no steps were found).
+
+    Args:
+        signals: for how long to tell.
+        track: the steps.
+        still_window_s: how long before it is known standing still begins.
+    """
+    t_s = signals.t_s
+    if len(t_s) == 0:
+        return []
+
+    def covered(start_s: FloatArray, end_s: FloatArray) -> BoolArray:
+        """Which samples lie in any of these stretches."""
+        edges = np.zeros(len(t_s) + 1, dtype=np.int64)
+        np.add.at(edges, np.searchsorted(t_s, start_s), 1)
+        np.add.at(edges, np.searchsorted(t_s, end_s), -1)
+        return np.asarray(np.cumsum(edges)[:-1] > 0)
+
+    rate_hz = 1.0 / np.median(np.diff(t_s)) if len(t_s) > 1 else 1.0
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], signals.still, [False])).astype(int)))
+    # stillness is known at the end of its window
+    still = covered(t_s[edges[::2]] - still_window_s, t_s[edges[1::2] - 1] + 1.0 / rate_hz)
+    walking = covered(track.start_s[1:], track.t_s[1:])
+    state = np.where(walking, 2, np.where(still, 1, 0))
+    names = (MOVING, STANDING, WALKING)
+    lane: Lane = []
+    at = np.flatnonzero(np.diff(state, prepend=-1))
+    for i, end in zip(at, [*at[1:], len(t_s)], strict=True):
+        blink = lane and state[i] == 0 and end - i < _BLINK_S * rate_hz
+        if not blink and (not lane or lane[-1][1] != names[state[i]]):
+            lane.append((float(t_s[i]), names[state[i]]))
+    return lane
+
+
+def compass_inflation(result: WalkResult) -> FloatArray:
+    """(K+1,) by what the field's deviation multiplied the compass variance at each step; nan without a compass."""
+    graph = result.config.graph
+    memory = FieldMemory(graph.norm_scale_ut, graph.dip_scale_rad)
+    steps = result.track.steps
+    return np.array([memory.inflation(step) if np.isfinite(step.yaw_mag_rad) else np.nan for step in steps])
+
+
+def compass_trust(result: WalkResult) -> FloatArray:
+    """(K+1,) share of its usual pull that the smoother left the compass at each step; nan without a compass.
+
+    The field's deviation from its recent usual divides it (``compass_inflation``), the robust loss multiplies it.
+    """
+    weight = np.ones(len(result.track))
+    for residuals in result.smoothed.residuals:
+        if residuals.name == "compass":
+            weight[residuals.k] = residuals.weight
+    return np.asarray(weight / compass_inflation(result))
+
+
+def stretches(flags: BoolArray) -> list[tuple[int, int]]:
+    """First and last index of runs of true flags; short breaks are bridged, single flags dropped."""
+    at = np.flatnonzero(flags)
+    if len(at) == 0:
+        return []
+    runs = np.split(at, np.flatnonzero(np.diff(at) > _BRIDGED_STEPS) + 1)
+    return [(int(run[0]), int(run[-1])) for run in runs if len(run) >= _SHORT_STEPS]
+
+
+def compass_lane(result: WalkResult) -> Lane:
+    """Where the smoother believed the compass, and where it left it less than half its pull."""
+    trust = compass_trust(result)
+    known = np.flatnonzero(np.isfinite(trust))
+    if len(known) == 0:
+        return []
+    t_s = result.track.t_s
+    lane: Lane = [(float(result.track.start_s[known[0]]), TRUSTED)]
+    for first, last in stretches(trust < _HALF):
+        lane += [(float(result.track.start_s[first]), DOUBTED), (float(t_s[last]), TRUSTED)]
+    return [*lane, (float(t_s[known[-1]]), None)]
+
+
+def places_lane(result: WalkResult) -> Lane:
+    """When the walk was told where it was: at anchors, where it met itself, and at its end if that is its start."""
+    track, lane = result.track, []
+    told = [("closed walk", len(track) - 1)] if result.closed_walk else []
+    told += [("closure", closure.j) for closure in result.smoothed.closures]
+    if result.anchors is not None:
+        told += [("anchor", k) for k in anchor_breadcrumbs(result.anchors, result.log.t0_s, track.t_s).tolist()]
+    for name, k in sorted(told, key=lambda one: one[1]):
+        lane += [(float(track.start_s[k]), name), (float(track.t_s[k]) + _SHOWN_S, None)]
+    return lane
+
+
+def returning_lane(updates: Sequence[ReturnUpdate]) -> Lane:
+    """On the way back: ``ON_ROUTE``, ``OFF_ROUTE``, ``ARRIVED``."""
+    lane: Lane = []
+    for update in updates:
+        state = OFF_ROUTE if update.off_route else ON_ROUTE
+        if update.arrived or (lane and lane[-1][1] == ARRIVED):
+            state = ARRIVED
+        if not lane or lane[-1][1] != state:
+            lane.append((update.t_s, state))
+    return lane
+
+
+def find(result: WalkResult) -> list[Finding]:
+    """Everything worth telling of a walk, in order of time; of each kind the longest stretches only."""
+    kinds = (_compass(result), _steps(result), _gaps(result), _places(result), _truth(result))
+    chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
+    return sorted([*chosen, *_bias(result)], key=lambda finding: finding.start_s)
+
+
+def _compass(result: WalkResult) -> list[Finding]:
+    track, smoothed = result.track, result.smoothed.trajectory
+    off = np.degrees(wrap_angle(track.yaw_mag_rad - smoothed.yaw_rad))
+    distance_m = smoothed.distance_m
+    found = []
+    for first, last in stretches(compass_trust(result) < _HALF):
+        span = slice(first, last + 1)
+        worst = float(off[span][np.nanargmax(np.abs(off[span]))])
+        by = f"up to {abs(worst):.0f}° off to the {'left' if worst > 0 else 'right'} of the smoothed heading"
+        if abs(worst) > 90.0:
+            by = "useless, more than 90° off the smoothed heading"
+        norm = track.mag_norm_ut[span]
+        found.append(
+            Finding(
+                "compass",
+                float(track.start_s[first]),
+                float(track.t_s[last]),
+                f"compass doubted for {distance_m[last] - distance_m[max(first - 1, 0)]:.0f} m "
+                f"(steps {first} to {last}): "
+                f"{by}, field {np.nanmin(norm):.0f} to {np.nanmax(norm):.0f} µT",
+            )
+        )
+    return found
+
+
+def _steps(result: WalkResult) -> list[Finding]:
+    """Walking without steps, and steps much slower or faster than usual: found too few, or too many."""
+    track = result.track
+    usual_hz = float(np.median(track.frequency_hz[1:]))
+    found = []
+    for name, which in (
+        ("slower", track.frequency_hz < _SLOW * usual_hz),
+        ("faster", track.frequency_hz > _FAST * usual_hz),
+    ):
+        which[0] = False  # the standing start
+        cause = "some may have been missed" if name == "slower" else "some may be false"
+        for first, last in stretches(which):
+            rate = np.median(track.frequency_hz[first : last + 1])
+            text = f"steps {first} to {last} much {name} than usual ({rate:.1f} against {usual_hz:.1f} Hz): {cause}"
+            found.append(Finding("steps", float(track.start_s[first]), float(track.t_s[last]), text))
+    lane = wearer_lane(result.signals, track, result.config.attitude.still_window_s)
+    ends = [*(t for t, _ in lane[1:]), result.track.t_s[-1]]
+    for (start_s, state), end_s in zip(lane, ends, strict=True):
+        inside = track.t_s[0] < start_s and end_s <= track.t_s[-1]
+        if state == MOVING and inside and end_s - start_s > _PAUSE_S:
+            text = (
+                f"neither still nor stepping for {end_s - start_s:.0f} s: handling, turning on the spot, missed steps"
+            )
+            found.append(Finding("steps", start_s, float(end_s), text))
+    return found
+
+
+def _gaps(result: WalkResult) -> list[Finding]:
+    track = result.track
+    return [
+        Finding(
+            "gap", float(track.t_s[k - 1]), float(track.t_s[k]), "gap in the log: direction across it is the compass's"
+        )
+        for k in np.flatnonzero(track.chained == 0)
+    ]
+
+
+def _places(result: WalkResult) -> list[Finding]:
+    """What anchors, closures and a closed end did to the walk, and which of them were doubted."""
+    smoothed, ekf, track = result.smoothed.trajectory, result.trajectories["ekf"], result.track
+    free = ekf.xy_m - ekf.xy_m[0] + smoothed.xy_m[0]
+    weights = {
+        kind.name: dict(zip(kind.k.tolist(), kind.weight.tolist(), strict=True)) for kind in result.smoothed.residuals
+    }
+    told: list[tuple[str, int, FloatArray]] = []
+    if result.anchors is not None:
+        crumbs = anchor_breadcrumbs(result.anchors, result.log.t0_s, track.t_s).tolist()
+        told += [("anchor", k, place) for k, place in zip(crumbs, result.anchors.xy_m, strict=True)]
+    if result.closed_walk:
+        told.append(("closed walk", len(smoothed) - 1, smoothed.xy_m[0]))
+    found = []
+    if closures := result.smoothed.closures:
+        doubted = sum(weights.get("closure", {}).get(closure.j, 1.0) < _HALF for closure in closures)
+        both = [np.median([np.hypot(*(path[c.i] - path[c.j])) for c in closures]) for path in (smoothed.xy_m, free)]
+        text = (
+            f"the way back was tied to the way out at {len(closures)} places ({doubted} doubted): both passes are "
+            f"{both[0]:.1f} m apart as smoothed (median), {both[1]:.1f} m by the EKF, which was not told"
+        )
+        found.append(Finding("closure", float(track.t_s[closures[0].j]), float(track.t_s[closures[-1].j]), text))
+        higher_m = float(np.median([smoothed.z_m[c.j] - smoothed.z_m[c.i] for c in closures]))
+        if abs(higher_m) > _SAME_HEIGHT_M:
+            text = f"by the barometer the way back lies {higher_m:+.1f} m above the way out: its pressure drifted"
+            found.append(Finding("altitude", float(track.t_s[closures[0].j]), float(track.t_s[closures[-1].j]), text))
+    for name, k, place in told:
+        at_s = float(track.t_s[k])
+        near, before = np.hypot(*(smoothed.xy_m[k] - place)), np.hypot(*(free[k] - place))
+        text = f"{name} at step {k}: the smoothed walk is {near:.1f} m from it, the EKF, not told of it, {before:.1f} m"
+        if weights.get(name, {}).get(k, 1.0) < _HALF:
+            text += "; doubted, the walk was pulled less than half as far as it asked"
+        found.append(Finding(name.replace(" ", "_"), at_s, at_s, text))
+    return found
+
+
+def _truth(result: WalkResult) -> list[Finding]:
+    """Where truth is known: whether the smoothed walk is as sure as it may be, and what its error is made of."""
+    truth, smoothed = result.truth, result.smoothed.trajectory
+    sigma_m = smoothed.longest_sigma_m
+    if truth is None or len(truth) < 2 or sigma_m is None:
+        return []
+    t_s = truth.t_s - result.log.t0_s
+    off_m = np.hypot(*(smoothed.at(t_s)[:, :2] - truth.xy_m - result.truth_shift_m).T)[1:]
+    limit_m = 2.0 * np.interp(t_s[1:], smoothed.t_s, sigma_m)
+    beyond = off_m > np.maximum(limit_m, 0.5)  # checkpoints are not surveyed better
+    start_s, end_s = float(t_s[0]), float(t_s[-1])
+    found = []
+    if beyond.mean() > 0.1:
+        text = f"the smoothed walk is further from the truth than its 2σ at {beyond.sum()} of {len(off_m)} checkpoints"
+        found.append(Finding("truth", start_s, end_s, text))
+    legs = leg_errors(smoothed, truth, result.log.t0_s)
+    if len(legs.yaw_rad) == 0:
+        return found
+    yaw_deg, length = float(np.degrees(np.median(legs.yaw_rad))), float(np.median(legs.length_rel))
+    if abs(yaw_deg) > 8.0:
+        text = (
+            f"by the truth the smoothed walk is turned {abs(yaw_deg):.0f}° to the {'left' if yaw_deg > 0 else 'right'} "
+            "(median leg): how the device was held, declination, or iron all along; nothing in the sensors tells"
+        )
+        found.append(Finding("truth", start_s, end_s, text))
+    if abs(length) > 0.08:
+        by = f"{100.0 * abs(length):.0f} % too {'long' if length > 0 else 'short'}"
+        text = f"by the truth the smoothed walk is {by} (median leg)"
+        found.append(Finding("truth", start_s, end_s, text))
+    return found
+
+
+def _bias(result: WalkResult) -> list[Finding]:
+    """One sentence on the gyroscope's bias, at the end of the walk."""
+    smoothed = result.smoothed.trajectory
+    bias = np.degrees(smoothed.gyro_bias_rad_s)
+    sigma = smoothed.sigma_bias_rad_s
+    give = f" ± {2.0 * np.degrees(sigma[-1]):.2f}" if sigma is not None else ""
+    text = f"gyroscope's bias by the smoother {bias[-1]:+.2f}{give} °/s (2σ) at the end; " + (
+        f"it moved between {bias.min():+.2f} and {bias.max():+.2f} °/s"
+        if np.ptp(bias) >= 0.01
+        else "the same all along"
+    )
+    return [Finding("gyro_bias", float(smoothed.t_s[-1]), float(smoothed.t_s[-1]), text)]

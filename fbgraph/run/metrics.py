@@ -1,0 +1,178 @@
+"""How far off a trajectory is from known places. Definitions as in the paper (Evaluation Metrics) and the README."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+
+from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import FloatArray, wrap_scalar
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.way_back.turns import MIN_TURN_RAD, Turn, find_turns
+
+Alignment = Literal["start", "rigid", "none"]
+_TURN_STEPS, _TURN_RAD = 3.0, float(np.radians(30.0))  # how near a found turn must be to be the true one
+
+
+@dataclass(frozen=True)
+class Score:
+    """Horizontal error over the scored checkpoints, metres: e_k = |p_k - p̂_k|.
+
+    Attributes:
+        rmse_m: √(mean e²), Euclidean in the plane (√2 larger than errors averaged over the axes too).
+        mean_m, max_m: over all scored checkpoints.
+        final_m: at the last one.
+        checkpoints: how many were scored.
+    """
+
+    rmse_m: float
+    mean_m: float
+    max_m: float
+    final_m: float
+    checkpoints: int
+
+    def as_dict(self) -> dict[str, float]:
+        """For JSON."""
+        return asdict(self)
+
+
+def checkpoint_errors(
+    trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, alignment: Alignment = "start"
+) -> FloatArray:
+    """Horizontal errors at the checkpoints.
+
+    Args:
+        trajectory: the estimate; between breadcrumbs it is taken as linear.
+        truth: known places on the clock ``t_s + t0_s``.
+        t0_s: brings the trajectory's clock to the truth's.
+        alignment: ``start`` moves the estimate (no rotation, no scale) so that it agrees at the first checkpoint and
+            scores those after it; ``rigid`` moves and turns it for the best fit over all; ``none`` takes it as it is.
+
+    Returns:
+        (M - 1,) for ``start``, (M,) otherwise; metres.
+
+    Raises:
+        DataError: fewer than two checkpoints, or none within the walk: truth of another log or clock.
+    """
+    if len(truth) < 2:
+        raise DataError(f"{truth.source}: scoring needs at least two checkpoints, found {len(truth)}")
+    t_s = truth.t_s - t0_s
+    inside = (t_s >= trajectory.t_s[0]) & (t_s <= trajectory.t_s[-1])
+    if not inside.any():
+        raise DataError(
+            f"{truth.source}: its times {truth.t_s[0]:.1f} … {truth.t_s[-1]:.1f} s lie outside "
+            f"the walk ({trajectory.t_s[0] + t0_s:.1f} … {trajectory.t_s[-1] + t0_s:.1f} s): "
+            "another log's truth, or another clock"
+        )
+    estimate = trajectory.at(t_s)[:, :2]
+    if alignment == "start":
+        difference = estimate - truth.xy_m
+        return np.asarray(np.hypot(*(difference - difference[0])[1:].T))
+    if alignment == "rigid":
+        estimate = _rigid_fit(estimate, truth.xy_m)
+    return np.asarray(np.hypot(*(estimate - truth.xy_m).T))
+
+
+def score(trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, alignment: Alignment = "start") -> Score:
+    """Errors at the checkpoints, summed up; arguments and errors as in ``checkpoint_errors``."""
+    errors = checkpoint_errors(trajectory, truth, t0_s, alignment)
+    return Score(
+        rmse_m=float(np.sqrt((errors**2).mean())),
+        mean_m=float(errors.mean()),
+        max_m=float(errors.max()),
+        final_m=float(errors[-1]),
+        checkpoints=len(errors),
+    )
+
+
+@dataclass(frozen=True)
+class LegErrors:
+    """Error of each leg between consecutive checkpoints: what a position error is made of.
+
+    Attributes:
+        start_s, end_s: (L,) since log start.
+        length_rel: (L,) estimated over true length, minus 1.
+        yaw_rad: (L,) estimated minus true direction, counter-clockwise.
+    """
+
+    start_s: FloatArray
+    end_s: FloatArray
+    length_rel: FloatArray
+    yaw_rad: FloatArray
+
+
+def leg_errors(trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, min_leg_m: float = 2.0) -> LegErrors:
+    """Straight from checkpoint to checkpoint, estimated against true; arguments as in ``checkpoint_errors``.
+
+    Args:
+        trajectory, truth, t0_s: as there.
+        min_leg_m: checkpoints closer to the one before are skipped: their direction is that of the survey's error.
+    """
+    t_s = truth.t_s - t0_s
+    places = truth.xy_m
+    chosen = [0]
+    for i, place in enumerate(places.tolist()):
+        if math.dist(place, places[chosen[-1]]) >= min_leg_m:
+            chosen.append(i)
+    estimated = np.diff(trajectory.at(t_s[chosen])[:, :2], axis=0) @ (1.0, 1j)
+    true = np.diff(places[chosen], axis=0) @ (1.0, 1j)
+    ratio = estimated / true
+    return LegErrors(t_s[chosen[:-1]], t_s[chosen[1:]], np.abs(ratio) - 1.0, np.angle(ratio))
+
+
+def _rigid_fit(points: FloatArray, targets: FloatArray) -> FloatArray:
+    """Points moved and turned onto targets in the least-squares sense (2-D Kabsch, in complex numbers)."""
+    a = (points - points.mean(axis=0)) @ (1.0, 1.0j)
+    b = (targets - targets.mean(axis=0)) @ (1.0, 1.0j)
+    turned = a * np.exp(1j * np.angle(np.vdot(a, b)))
+    return np.asarray(np.column_stack((turned.real, turned.imag)) + targets.mean(axis=0))
+
+
+@dataclass(frozen=True)
+class TurnScore:
+    """Turns found against true ones.
+
+    Attributes:
+        found: number of true turns that were found.
+        missed: (time, angle) of true turns that were not.
+        phantom: turns that are not there.
+        error_rad: (found,) angle found less the true one.
+    """
+
+    found: int
+    missed: tuple[tuple[float, float], ...]
+    phantom: tuple[Turn, ...]
+    error_rad: FloatArray
+
+
+def score_turns(trajectory: Trajectory, t_s: FloatArray, angle_rad: FloatArray) -> TurnScore:
+    """Score the turns of a trajectory (the paper's turn-event detection consistency, section Evaluation Metrics).
+
+    True turns are those of at least 30°. One is found by the nearest turn not yet taken that is at most three
+    breadcrumbs away and whose angle is within 30°; left about and right about are the same. Distance is in breadcrumbs,
+    for in a pause no time is right: who turns about after half a minute's rest does so between two of them.
+
+    Args:
+        trajectory: on the clock of the true turns.
+        t_s, angle_rad: (T,) middles and signed angles of the true turns.
+    """
+    real = np.abs(angle_rad) >= MIN_TURN_RAD
+    free, missed, errors = find_turns(trajectory), [], []
+    at = np.interp(t_s[real], trajectory.t_s, np.arange(len(trajectory)))
+    for k, when_s, angle in zip(at.tolist(), t_s[real].tolist(), angle_rad[real].tolist(), strict=True):
+        near = [
+            turn
+            for turn in free
+            if abs(turn.breadcrumb - k) <= _TURN_STEPS and abs(wrap_scalar(turn.angle_rad - angle)) <= _TURN_RAD
+        ]
+        if near:
+            best = min(near, key=lambda turn: abs(turn.breadcrumb - k))
+            free.remove(best)
+            errors.append(wrap_scalar(best.angle_rad - angle))
+        else:
+            missed.append((when_s, angle))
+    return TurnScore(len(errors), tuple(missed), tuple(free), np.array(errors))

@@ -1,0 +1,1 @@
+"""Walks that nobody walked: routes, gait, sensors with their errors, exact truth."""

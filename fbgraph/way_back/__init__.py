@@ -1,0 +1,1 @@
+"""Turns, legs, and the way back along them, after a walk and during one."""

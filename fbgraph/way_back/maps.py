@@ -1,0 +1,99 @@
+"""A way on the map: GeoJSON (RFC 7946) and GPX 1.1, both in WGS 84 and so only with a known origin.
+
+Heights are left out: the barometer knows those above the start, both formats mean those above sea or ellipsoid.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from fbgraph.core.errors import ConfigError
+from fbgraph.core.georeference import Georeference
+from fbgraph.way_back.legs import Way
+from fbgraph.way_back.texts import Units, arrival_text, as_csv, as_json, as_text, instructions, leg_rows
+
+WAY_FORMATS = ("text", "json", "geojson", "gpx", "csv")
+
+
+def format_way(way: Way, format_: str, units: Units = "metric", origin: Georeference | None = None) -> str:
+    """A way in one of ``WAY_FORMATS``.
+
+    Raises:
+        ConfigError: a map without an origin, or no such format.
+    """
+    if format_ in ("geojson", "gpx"):
+        if origin is None:
+            raise ConfigError(
+                f"{format_} needs latitude and longitude, and this run does not know its own: "
+                "name those of its start with --origin LAT,LON"
+            )
+        if not way.compass:
+            raise ConfigError(f"{format_}: the log has no magnetometer, so where North is nobody knows")
+        return as_gpx(way, origin, units) if format_ == "gpx" else as_geojson(way, origin, units)
+    if format_ not in WAY_FORMATS:
+        raise ConfigError(f"unknown format {format_!r}: expected one of {', '.join(WAY_FORMATS)}")
+    return {"text": as_text, "json": as_json, "csv": as_csv}[format_](way, units)
+
+
+def as_geojson(way: Way, origin: Georeference, units: Units = "metric") -> str:
+    """A line a leg with what the JSON says of it, and a point for each end and landmark."""
+    features = []
+    for row, leg in zip(leg_rows(way, units), way.legs, strict=True):
+        del row["end_m"]  # the line says it
+        features.append(_feature("LineString", _lon_lat(origin, leg.points_m), {"kind": "leg", **row}))
+    for kind, point in (("start", way.points_m[0]), ("arrival", way.points_m[-1])):
+        text = arrival_text(way) if kind == "arrival" else instructions(way, units)[0]
+        features.append(_feature("Point", _lon_lat(origin, [point])[0], {"kind": kind, "instruction": text}))
+    for label, place in _landmarks(way):
+        features.append(_feature("Point", _lon_lat(origin, [place])[0], {"kind": "landmark", "label": label}))
+    return json.dumps({"type": "FeatureCollection", "features": features}, indent=1, ensure_ascii=False) + "\n"
+
+
+def as_gpx(way: Way, origin: Georeference, units: Units = "metric") -> str:
+    """A route with an instruction a point, a track of every breadcrumb, and waypoints for landmarks."""
+    from gpxpy import gpx as xml  # here, because only GPX needs it
+
+    document = xml.GPX()
+    document.creator, document.name = "fbgraph", way.name
+    corners = [leg.points_m[0] for leg in way.legs] + [way.points_m[-1]]
+    route = xml.GPXRoute(name=f"{way.name}, {'back' if way.back else 'there'}")
+    for number, (text, (lon, lat)) in enumerate(
+        zip(instructions(way, units), _lon_lat(origin, corners), strict=True), start=1
+    ):
+        route.points.append(xml.GPXRoutePoint(lat, lon, name=str(number), description=text))
+    document.routes.append(route)
+    track = xml.GPXTrack(name=route.name)
+    track.segments.append(
+        xml.GPXTrackSegment([xml.GPXTrackPoint(lat, lon) for lon, lat in _lon_lat(origin, way.points_m)])
+    )
+    document.tracks.append(track)
+    for label, place in _landmarks(way):
+        lon, lat = _lon_lat(origin, [place])[0]
+        document.waypoints.append(xml.GPXWaypoint(lat, lon, name=label))
+    return str(document.to_xml("1.1")) + "\n"
+
+
+def _lon_lat(origin: Georeference, points_m: Iterable[tuple[float, ...]]) -> list[list[float]]:
+    """[longitude, latitude] of world places, to a centimetre."""
+    lat_lon_deg = origin.geodetic_deg(np.array([point[:2] for point in points_m]))
+    return [[round(lon_deg, 7), round(lat_deg, 7)] for lat_deg, lon_deg in lat_lon_deg.tolist()]
+
+
+def _landmarks(way: Way) -> list[tuple[str, tuple[float, float]]]:
+    """Label and place of every landmark of the way."""
+    found: list[tuple[str, tuple[float, float]]] = []
+    for leg in way.legs:
+        points = np.array(leg.points_m)
+        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points[:, :2], axis=0).T))))
+        for mark in leg.landmarks:
+            x_m, y_m = (float(np.interp(mark.after_m, along, points[:, axis])) for axis in (0, 1))
+            found.append((mark.label, (x_m, y_m)))
+    return found
+
+
+def _feature(kind: str, coordinates: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}

@@ -1,0 +1,292 @@
+"""Where along the outbound route: a forward filter over route distance (a hidden Markov model on a grid).
+
+The state is the wearer's distance along the route walked out, in bins. A step moves the belief by its length projected
+on the route there, so walking back, walking on and milling about need no states of their own. What is compared with the
+route: direction (turns), place, altitude, and the magnetic field: its vertical component, which does not care which way
+the device faces, and its horizontal one less what the device itself adds. Distance is counted as if on the level, by
+which a staircase is as long up as down.
+
+The wearer's place in the frame of the route is dead reckoning, drawn softly to the route and turned slowly into its
+direction as long as it is followed. When it leaves the corridor the wearer is off the route; from then on every place
+of the route that the wearer comes near, in its direction, may be where it is met again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbgraph.core.config import ReturnConfig
+from fbgraph.core.geometry import BoolArray, FloatArray, wrap_scalar
+from fbgraph.way_back.way_out import Outbound
+
+_BIN_M = 0.25
+_WINDOW_BINS = 1000  # on either side of where the wearer is: further away nobody gets in a step
+_SIDE_M = 1.0  # the direction of the route at a place is that over this distance to either side
+_PEAK_M = 3.0  # the match is read out within this distance of the belief's peak
+_STEP_M = 0.65
+# errors of neighbouring steps are alike: what a step says counts by this much
+_PLACE, _TURN, _MAG, _LEVEL, _ALTITUDE = 0.15, 0.3, 0.5, 0.25, 0.2
+_FORGET = 0.05  # of the device's own horizontal field, a step
+_JUMP, _JUMP_STEPS = 0.07, 1.0  # steps missed or counted twice: share, and how far in steps
+_GAP_M_S, _GAP_MOST_M = 1.0, 20.0  # where the log is silent
+_DRIFT_RAD, _DRIFT_M = math.radians(20.0), 25.0  # of direction on the way back against that on the way out
+_OUTWARD = 0.1  # who walks back along the route is told so as long as that is this likely against walking out
+_ANYWHERE = 0.03  # once lost, a step's chance to be anywhere near
+_ALONG_RAD = math.radians(50.0)
+_ALONG_M = 2.5  # walked along the route before it counts as met again
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """Where the wearer is along the route.
+
+    Attributes:
+        route_m: distance along the route (of its breadcrumbs).
+        sigma_m: its standard deviation.
+        breadcrumb: the nearest breadcrumb of the route.
+        cross_m: distance of the wearer from the route there, positive if to the left of it as seen walking back.
+        off_route: the wearer left the corridor and has not come back.
+        facing_back: the wearer walks back along the route rather than out.
+        bearing_rad: direction to the route as the wearer faces, positive to the left.
+        steady_m: how far the route has been followed back without doubt.
+    """
+
+    route_m: float
+    sigma_m: float
+    breadcrumb: int
+    cross_m: float
+    off_route: bool
+    facing_back: bool
+    bearing_rad: float
+    steady_m: float
+
+
+class RouteMatcher:
+    """Steps after the turn-back in, matches out; causal."""
+
+    def __init__(self, outbound: Outbound, config: ReturnConfig) -> None:
+        """The wearer is at the end of the route, give or take ``config.sigma_place_m``."""
+        self._config = config
+        self._outbound = outbound
+        at = outbound.level_m
+        total = float(at[-1])
+        self._bin_m = _BIN_M
+        self._grid = np.minimum(np.arange(0.0, total + self._bin_m, self._bin_m), total)
+        self._route = np.interp(self._grid, at, outbound.route_m)
+        self._x, self._y = (np.interp(self._grid, at, axis) for axis in (outbound.x_m, outbound.y_m))
+        # what a step tells is the mean over it: of half a step before its end, which is nearer to the start going out
+        # and farther from it coming back
+        half = 0.5 * np.diff(at, prepend=at[0])
+        seen = self._grid + float(np.median(half))
+        self._up, self._level, self._altitude = (
+            _on_grid(seen, at - half, values)
+            for values in (outbound.mag_up_ut, outbound.mag_level_ut, outbound.altitude_m)
+        )
+        ahead, behind = np.minimum(seen + _SIDE_M, total), np.maximum(np.minimum(seen, total) - _SIDE_M, 0.0)
+        along = [np.interp(ahead, at, axis) - np.interp(behind, at, axis) for axis in (outbound.x_m, outbound.y_m)]
+        length = np.maximum(np.hypot(*along), 1e-6)
+        self._cos, self._sin = along[0] / length, along[1] / length
+        belief = np.exp(-0.5 * ((self._grid - total) / 1.0) ** 2)
+        self._belief: FloatArray = belief / belief.sum()
+        self._px, self._py = float(self._x[-1]), float(self._y[-1])
+        self._var = 0.25
+        self._off = False
+        self._along_m = self._steady_m = 0.0
+        self._level_shift_ut = self._turned_rad = 0.0
+
+    def advance(
+        self,
+        length_m: float,
+        level_m: float,
+        yaw_rad: float,
+        field_ut: tuple[float, float],
+        altitude_m: float,
+        gap_s: float = 0.0,
+    ) -> Match:
+        """Take the next step.
+
+        Args:
+            length_m: of the step on the plan.
+            level_m: of the step, had it been on the level.
+            yaw_rad: its direction.
+            field_ut: as by ``field_of``; nan if not known.
+            altitude_m: barometric; nan if not known.
+            gap_s: how long the log was silent before the step.
+        """
+        if gap_s > 0.0:
+            self._spread(min(_GAP_M_S * gap_s, _GAP_MOST_M))
+        config = self._config
+        yaw_rad -= self._turned_rad
+        window = self._window()
+        grid, x, y, cos, sin = (a[window] for a in (self._grid, self._x, self._y, self._cos, self._sin))
+        cosine = math.cos(yaw_rad) * cos + math.sin(yaw_rad) * sin
+        back = cosine < 0.0
+        aside = np.arccos(np.minimum(np.abs(cosine), 1.0))
+        self._px += length_m * math.cos(yaw_rad)
+        self._py += length_m * math.sin(yaw_rad)
+        self._var += config.drift_m**2 * length_m
+        squared = (self._px - x) ** 2 + (self._py - y) ** 2
+        bound_m = config.corridor_m + 2.0 * math.sqrt(self._var)
+
+        belief = self._predicted(window, level_m, cosine)
+        before = int(np.argmax(belief))
+        reach = int(_PEAK_M / self._bin_m)
+        lost = self._off or math.sqrt(float(squared[max(before - reach, 0) : before + reach + 1].min())) > bound_m
+        if lost:
+            near = np.exp(-0.5 * squared / (config.sigma_place_m**2 + 4.0 * self._var))
+            belief = (1.0 - _ANYWHERE) * belief + _ANYWHERE * near / (near.sum() + 1e-9)
+        belief *= self._likelihood(window, level_m, squared, aside, back, field_ut, altitude_m, 3.0 if lost else 1.0)
+        belief += 1e-12
+        belief = belief / belief.sum()
+        self._belief = np.zeros(len(self._grid))
+        self._belief[window] = belief
+
+        top = int(np.argmax(np.where(back, belief, _OUTWARD * belief)))
+        lo, hi = max(top - reach, 0), top + reach + 1
+        weight = belief[lo:hi]
+        mass = float(weight.sum())
+        at_m = float(weight @ grid[lo:hi]) / mass
+        sigma_m = math.sqrt(float(weight @ (grid[lo:hi] - at_m) ** 2) / mass) + (1.0 - mass) * _PEAK_M
+        at = min(round(at_m / self._bin_m) - window.start, len(grid) - 1)
+        dx, dy = self._px - float(x[at]), self._py - float(y[at])
+
+        local_m = math.sqrt(float(squared[lo:hi].min()))
+        along = aside[at] < _ALONG_RAD and local_m < config.corridor_m + math.sqrt(self._var)
+        self._along_m = self._along_m + length_m if along else 0.0
+        if self._off:
+            self._off = self._along_m < _ALONG_M
+        else:
+            self._off = local_m > bound_m
+        steady = along and bool(back[at]) and not lost and sigma_m < config.closure_doubt_m
+        self._steady_m = self._steady_m + length_m if steady else 0.0
+        if not lost and not self._off:
+            gain = self._var / (self._var + config.sigma_pull_m**2)
+            self._px -= gain * dx
+            self._py -= gain * dy
+            self._var *= 1.0 - gain
+            sign = -1.0 if back[at] else 1.0
+            away = wrap_scalar(yaw_rad - math.atan2(sign * float(sin[at]), sign * float(cos[at])))
+            if abs(away) < _DRIFT_RAD:
+                turned_rad = self._turned_rad + min(length_m / _DRIFT_M, 1.0) * away
+                self._turned_rad = min(max(turned_rad, -_DRIFT_RAD), _DRIFT_RAD)
+            if math.isfinite(field_ut[1]):
+                self._level_shift_ut += _FORGET * (field_ut[1] - float(self._level[window][at]) - self._level_shift_ut)
+
+        route_m = float(np.interp(at_m, self._grid, self._route))
+        closest = lo + int(np.argmin(squared[lo:hi])) if not self._off else int(np.argmin(squared))
+        to_route = math.atan2(float(y[closest]) - self._py, float(x[closest]) - self._px)
+        cross_m = dx * float(sin[at]) - dy * float(cos[at])
+        if self._off:  # as far as the nearest place of it, on the same side
+            cross_m = math.copysign(math.sqrt(float(squared[closest])), cross_m)
+        return Match(
+            route_m=route_m,
+            sigma_m=sigma_m,
+            breadcrumb=int(np.argmin(np.abs(self._outbound.route_m - route_m))),
+            cross_m=cross_m,
+            off_route=self._off,
+            facing_back=bool(back[at]),
+            bearing_rad=wrap_scalar(to_route - yaw_rad),
+            steady_m=self._steady_m,
+        )
+
+    def _spread(self, sigma_m: float) -> None:
+        """Nobody knows how far the wearer went meanwhile."""
+        reach = int(3.0 * sigma_m / self._bin_m) + 1
+        kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * self._bin_m / sigma_m) ** 2)
+        self._belief = np.convolve(self._belief, kernel / kernel.sum())[reach : reach + len(self._grid)]
+        self._var += sigma_m**2
+
+    def _window(self) -> slice:
+        """The bins to look at: near where the wearer is, or, off the route, all."""
+        if self._off:
+            return slice(0, len(self._grid))
+        top = int(np.argmax(self._belief))
+        return slice(max(top - _WINDOW_BINS, 0), min(top + _WINDOW_BINS, len(self._grid)))
+
+    def _predicted(self, window: slice, level_m: float, cosine: FloatArray) -> FloatArray:
+        """The belief moved by a step, along the route as far as it leads along the route."""
+        before = self._belief[window]
+        count = len(before)
+        moved = self._grid[window] + level_m * np.clip(1.2 * cosine, -1.0, 1.0)
+        cell = np.clip(moved / self._bin_m - window.start, 0.0, count - 1.0)
+        low = cell.astype(np.int64)
+        upper = before * (cell - low)
+        belief = np.bincount(low, before - upper, count + 1) + np.bincount(low + 1, upper, count + 1)
+        offset = np.arange(-8, 9) * self._bin_m
+        narrow = np.exp(-0.5 * (offset / math.hypot(self._config.sigma_step_rel * level_m, 0.5 * self._bin_m)) ** 2)
+        wide = np.exp(-0.5 * (offset / (_JUMP_STEPS * level_m)) ** 2)
+        kernel = (1.0 - _JUMP) * narrow / narrow.sum() + _JUMP * wide / wide.sum()
+        return np.convolve(belief, kernel)[8 : 8 + count]
+
+    def _likelihood(
+        self,
+        window: slice,
+        level_m: float,
+        squared: FloatArray,
+        aside: FloatArray,
+        back: BoolArray,
+        field_ut: tuple[float, float],
+        altitude_m: float,
+        place: float,
+    ) -> FloatArray:
+        """How well each place of the route explains the step, relative to the best; heavy-tailed throughout."""
+        config = self._config
+        log = place * _PLACE * _tailed(squared / (config.sigma_place_m**2 + self._var))
+        log += _TURN * (_tailed((aside / config.sigma_turn_rad) ** 2) - ~back)
+        share = min(level_m / _STEP_M, 1.5)
+        up_ut = field_ut[0] - self._up[window]
+        level_ut = field_ut[1] - self._level_shift_ut - self._level[window]
+        if math.isfinite(up_ut[0]):
+            log += share * _MAG * _tailed((up_ut / config.sigma_mag_ut) ** 2)
+            log += share * _LEVEL * _tailed((level_ut / config.sigma_mag_ut) ** 2)
+        climbed_m = altitude_m - self._altitude[window]
+        if math.isfinite(climbed_m[0]):
+            log += _ALTITUDE * _tailed((climbed_m / config.sigma_altitude_m) ** 2)
+        return np.asarray(np.exp(log - log.max()))
+
+
+def _tailed(squared: FloatArray) -> FloatArray:
+    """log-density of Student's t with three degrees of freedom, of squared residuals over their variance."""
+    return -2.0 * np.log1p(squared / 3.0)
+
+
+def _on_grid(grid: FloatArray, at: FloatArray, values: FloatArray) -> FloatArray:
+    known = np.isfinite(values)
+    return np.interp(grid, at[known], values[known]) if known.any() else np.full(len(grid), np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnUpdate:
+    """What is told at a step of the way back.
+
+    Attributes:
+        t_s: time of the step, seconds since log start.
+        k: its breadcrumb.
+        breadcrumb, breadcrumb_t_s: the breadcrumb of the way out that the wearer is at, and when it was dropped.
+        route_m: how far along the way out that breadcrumb lies.
+        remaining_m: distance left to the start, along the route.
+        cross_track_m: distance from the route, positive if to the left of it as seen walking back.
+        next_turn_m, next_turn_rad: distance to the next turn and its angle, left positive; None if only the start is
+            ahead.
+        sigma_m: standard deviation of the place along the route.
+        off_route: the wearer left the route.
+        arrived: the start is reached; true once.
+        instruction: what to do next.
+    """
+
+    t_s: float
+    k: int
+    breadcrumb: int
+    breadcrumb_t_s: float
+    route_m: float
+    remaining_m: float
+    cross_track_m: float
+    next_turn_m: float | None
+    next_turn_rad: float | None
+    sigma_m: float
+    off_route: bool
+    arrived: bool
+    instruction: str
