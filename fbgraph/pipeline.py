@@ -1,42 +1,64 @@
-"""From a log to a result: composes the rooms, estimates nothing itself."""
+"""From a log to a result, and from a result to a run folder: composes the rooms, estimates nothing itself."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from fbgraph.core.checkpoints import Checkpoints
-from fbgraph.core.config import Config
-from fbgraph.core.errors import ConfigError
-from fbgraph.core.georeference import Georeference
+from fbgraph.core.aids import Told
+from fbgraph.core.config import Config, load_config
 from fbgraph.core.log import SensorLog
-from fbgraph.estimators.ekf import run_ekf
-from fbgraph.estimators.pdr import dead_reckon
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.answers import Smoothed
+from fbgraph.estimators.baselines import baselines
 from fbgraph.estimators.smoother import smooth, tie_way_back
 from fbgraph.front_end.front_end import detect_steps
-from fbgraph.run.folder import run_folder, summarize, summary_markdown, write_tables
+from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.front_end.track import StepTrack
+from fbgraph.readers import preset, read_log
+from fbgraph.run.folder import run_folder, write_tables
+from fbgraph.run.inputs import RunInputs
 from fbgraph.run.result import WalkResult
-
-if TYPE_CHECKING:
-    from fbgraph.simulator.routes import Route
-    from fbgraph.simulator.simulate import SimulateOptions
+from fbgraph.run.summary import summarize, summary_markdown
 
 Progress = Callable[[str], None]
 """Called with the name of each stage as it begins."""
 
 
+def read_walk(
+    inputs: RunInputs, config: str | None = None, overrides: Sequence[str] = ()
+) -> tuple[SensorLog, Config, Told]:
+    """Read a log and what was said of it.
+
+    Args:
+        inputs: what was named.
+        config: a preset or a TOML file; the preset of the log's format if None.
+        overrides: ``a.b=value`` strings.
+
+    Returns:
+        The log, the effective configuration, and what was told; its truth is the log's own if none was named.
+
+    Raises:
+        ConfigError: a wrong option; told before a long log is read.
+        DataError: a file that cannot be used.
+    """
+    load_config(config, overrides)
+    told = inputs.read_told()
+    log_file = read_log(Path(str(inputs.log)), inputs.format)
+    effective = load_config(config or preset(log_file.log.format), overrides)
+    return log_file.log, effective, replace(told, truth=told.truth or log_file.truth)
+
+
 def reconstruct(
     log: SensorLog,
     config: Config,
-    truth: Checkpoints | None = None,
-    anchors: Checkpoints | None = None,
-    closed_walk: bool = False,
-    origin: Georeference | None = None,
-    inputs: Mapping[str, Any] | None = None,
+    told: Told | None = None,
+    inputs: RunInputs | None = None,
     progress: Progress = lambda stage: None,
 ) -> WalkResult:
     """Run dead reckoning, the EKF pipeline and the smoother on the same steps of one log.
@@ -44,18 +66,16 @@ def reconstruct(
     Args:
         log: the walk.
         config: the effective configuration.
-        truth: known places; carried along for scoring, no estimator sees them.
-        anchors: known places that the smoother may use, on the clock ``t_s + log.t0_s``.
-        closed_walk: tell the smoother that the walk ends where it began.
-        origin, inputs: as in ``WalkResult``.
+        told: truth, anchors, a closed end, an origin.
+        inputs: as in ``WalkResult``.
         progress: told each stage.
 
     Raises:
         DataError: no step in the log, or an anchor that lies outside it.
         EstimationError: the smoother failed.
     """
-    if anchors is not None:
-        anchors.require_within(log.t0_s + log.acc.t_s[0], log.t0_s + log.acc.t_s[-1])
+    told = told or Told()
+    require_anchors_within(log, told)
     seconds: dict[str, float] = {}
 
     @contextmanager
@@ -65,32 +85,52 @@ def reconstruct(
         yield
         seconds[name] = time.perf_counter() - start
 
+    aids = told.aids(log.t0_s)
     with stage("steps"):
         track, signals = detect_steps(log, config)
-    with stage("pdr"):
-        pdr = dead_reckon(track, config.step_length)
-    with stage("ekf"):
-        ekf = run_ekf(track, config.ekf)
+    with stage("baselines"):
+        compared = baselines(track, config)
     with stage("smoother"):
-        smoothed = smooth(track, ekf, config.graph, config.solver, anchors, log.t0_s, closed_walk)
+        smoothed = smooth(track, compared["ekf"], config.graph, config.solver, aids)
     turned = None
     if config.returning.out_and_back:
         with stage("closures"):
-            smoothed, turned = tie_way_back(smoothed, track, ekf, config, anchors, log.t0_s, closed_walk)
+            smoothed, turned = tie_way_back(smoothed, track, compared["ekf"], config, aids)
+    result = compose(log, config, told, signals, track, smoothed, compared)
+    return replace(result, seconds=seconds, inputs=inputs or RunInputs(), turn_back=turned)
+
+
+def require_anchors_within(log: SensorLog, told: Told) -> None:
+    """Refuse anchors of another log or clock.
+
+    Raises:
+        DataError: one lies outside the log.
+    """
+    if told.anchors is not None:
+        told.anchors.require_within(log.t0_s + log.acc.t_s[0], log.t0_s + log.acc.t_s[-1])
+
+
+def compose(
+    log: SensorLog,
+    config: Config,
+    told: Told,
+    signals: LevelledSignals,
+    track: StepTrack,
+    smoothed: Smoothed,
+    others: Mapping[str, Trajectory],
+) -> WalkResult:
+    """A walk's result from the answers of its estimators; truth is brought into the frame of the anchors."""
+    known = [*others.items(), ("smoothed", smoothed.trajectory)]
+    known.sort(key=lambda one: one[0] == "online")  # in the order of ``ESTIMATORS``
+    truth = None if told.truth is None else told.truth.in_frame_of(told.anchors)
     return WalkResult(
         log=log,
         config=config,
         signals=signals,
         track=track,
-        trajectories={"pdr": pdr, "ekf": ekf, "smoothed": smoothed.trajectory},
+        trajectories=dict(known),
         smoothed=smoothed,
-        truth=None if truth is None else truth.in_frame_of(anchors),
-        anchors=anchors,
-        closed_walk=closed_walk,
-        seconds=seconds,
-        origin=origin,
-        inputs=inputs or {},
-        turn_back=turned,
+        told=replace(told, truth=truth),
     )
 
 
@@ -123,33 +163,7 @@ def write_files(
     write_tables(result, folder, summary)
     if recording:
         progress("recording")
-        from fbgraph.recording.recorder import write_recording
+        from fbgraph.recording.recorder import write_recording  # rerun takes a second to import
 
         write_recording(result, folder / "recording.rrd", summary_markdown(summary))
     return summary
-
-
-def simulate_files(out: Path, route: Route, options: SimulateOptions, seed: int) -> dict[str, Any]:
-    """Write a simulated M5StickC log to ``out`` and its exact truth beside it; returns what was written.
-
-    Raises:
-        ConfigError: impossible options, or ``out`` cannot be written.
-    """
-    from fbgraph.simulator.simulate import simulate, write_m5stickc_csv, write_truth_csv
-
-    walk = simulate(route, options, seed)
-    truth = out.with_name(f"{out.stem}_truth.csv")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_m5stickc_csv(walk.log, out)
-        write_truth_csv(walk, truth)
-    except OSError as error:
-        raise ConfigError(f"{out}: cannot write there: {error.strerror}") from error
-    return {
-        "log": str(out),
-        "truth": str(truth),
-        "duration_s": round(walk.log.duration_s, 2),
-        "steps": len(walk.steps.t_s),
-        "distance_m": round(float(walk.steps.length_m.sum()), 2),
-        "turns": len(walk.turns.t_s),
-    }

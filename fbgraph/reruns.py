@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,16 +9,23 @@ import numpy as np
 
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import DataError
-from fbgraph.core.georeference import Georeference
 from fbgraph.core.trajectory import read_tum
+from fbgraph.core.whole_writes import whole_file
 from fbgraph.pipeline import reconstruct
-from fbgraph.run.folder import RAW, read_summary, summarize, summary_markdown
+from fbgraph.readers import read_log
+from fbgraph.readers.raw_lines import saved_log
+from fbgraph.run.folder import RAW
+from fbgraph.run.inputs import RunInputs
+from fbgraph.run.reading import read_summary
 from fbgraph.run.result import WalkResult
+from fbgraph.run.summary import summarize, summary_markdown
+from fbgraph.session import replay_log
 
 _SAME_M = 0.001
+_LIVE_CHUNK_S = 0.1
 
 
-def again(run: Path, log_path: Path | None = None) -> WalkResult:
+def repeat_run(run: Path, log_path: Path | None = None) -> WalkResult:
     """The result that a run folder was written from, computed again.
 
     Args:
@@ -29,52 +35,29 @@ def again(run: Path, log_path: Path | None = None) -> WalkResult:
     Raises:
         DataError: not a run folder, the log is gone, or what comes out is another walk than the folder's.
     """
-    from fbgraph import session
-    from fbgraph.core.checkpoints import read_checkpoints
-    from fbgraph.readers import read_log
-
-    summary = read_summary(run)
-    inputs = summary.get("inputs") or {}
-    if not inputs.get("log"):
-        raise DataError(f"{run}: written by an earlier fbgraph, which did not note its log; smooth the log again")
-    config = load_config(str(run / "config.toml"))
-    truth = read_checkpoints(Path(inputs["truth"])) if inputs.get("truth") else None
-    anchors = read_checkpoints(Path(inputs["anchors"])) if inputs.get("anchors") else None
-    origin = Georeference(*inputs["origin"]) if inputs.get("origin") else None
-    closed_walk, chunk_s = bool(inputs.get("closed_walk")), inputs.get("online_chunk_s")
-    if inputs["log"] == RAW:
-        log, chunk_s = session.saved_log(run / RAW), chunk_s or 0.1
+    inputs = RunInputs.from_summary(read_summary(run), run)
+    config, told = load_config(str(run / "config.toml")), inputs.read_told()
+    chunk_s = inputs.online_chunk_s
+    if inputs.log == RAW:
+        log, chunk_s = saved_log(run / RAW), chunk_s or _LIVE_CHUNK_S
     else:
-        path = log_path or Path(inputs["log"])
+        path = log_path or Path(str(inputs.log))
         if not path.exists():
             where = f"--log {path}: no such file" if log_path else f"its log {path} is not there any more"
             raise DataError(f"{run}: {where}; say where it is now with --log")
-        log_file = read_log(path, inputs.get("format"))
-        log, truth = log_file.log, truth or log_file.truth
-    if inputs.get("until_s") is not None:
-        log = log.between(-np.inf, float(inputs["until_s"]))
+        log_file = read_log(path, inputs.format)
+        log, told = log_file.log, replace(told, truth=told.truth or log_file.truth)
+    if inputs.until_s is not None:
+        log = log.between(-np.inf, inputs.until_s)
     if chunk_s is None:
-        result = reconstruct(log, config, truth, anchors, closed_walk, origin, inputs)
+        result = reconstruct(log, config, told, inputs)
     else:
-        result = session.replay(
-            log,
-            config,
-            chunk_s=float(chunk_s),
-            speed=np.inf,
-            on_update=lambda update: None,
-            stop=lambda: False,
-            truth=truth,
-            anchors=anchors,
-            closed_walk=closed_walk,
-            origin=origin,
-            inputs=inputs,
-        )
-        result = replace(result, inputs=inputs)
+        result = replace(replay_log(log, config, told, chunk_s=chunk_s), inputs=inputs)
     _require_same(run, result)
     return result
 
 
-def record(run: Path, out: Path | None = None, log_path: Path | None = None) -> Path:
+def record_run(run: Path, out: Path | None = None, log_path: Path | None = None) -> Path:
     """Write the recording of a run again; returns where.
 
     Args:
@@ -83,17 +66,15 @@ def record(run: Path, out: Path | None = None, log_path: Path | None = None) -> 
         log_path: where the log is now, if it has moved.
 
     Raises:
-        DataError: as ``again``.
-        OSError: the file cannot be written.
+        DataError: as ``repeat_run``.
+        ConfigError: the file cannot be written.
     """
-    from fbgraph.recording.recorder import write_recording
+    from fbgraph.recording.recorder import write_recording  # rerun takes a second to import
 
-    result = again(run, log_path)
+    result = repeat_run(run, log_path)
     path = out or run / "recording.rrd"
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-        partial = Path(folder) / path.name
+    with whole_file(path) as partial:
         write_recording(result, partial, summary_markdown(summarize(result)))
-        partial.replace(path)
     return path
 
 

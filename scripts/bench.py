@@ -16,8 +16,8 @@ from fbgraph import reruns
 from fbgraph.core.config import load_config
 from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.recording.recorder import write_recording
-from fbgraph.run.folder import summarize, summary_markdown
-from fbgraph.session import pieces
+from fbgraph.run.summary import summarize, summary_markdown
+from fbgraph.session import cut_log
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import SimulateOptions, simulate
 from fbgraph.way_back.guide import ReturnGuide
@@ -35,7 +35,7 @@ def resident_kb() -> float:
 
 def recording_s(run: Path) -> float:
     """To write the recording of a run alone, at best."""
-    result = reruns.again(run)
+    result = reruns.repeat_run(run)
     text = summary_markdown(summarize(result))
     took = []
     for _ in range(3):
@@ -52,7 +52,7 @@ def online(window_steps: int, steps: int, return_at: str = "never", piece_s: flo
     log = simulate(load_route(route), SimulateOptions(duration_s=steps / 1.7)).log
     smoother, took_ms = OnlineSmoother(config, companion=ReturnGuide(config)), []
     memory_kb = resident_kb()
-    for piece, _ in pieces(log, piece_s, np.inf, lambda: False):
+    for piece, _ in cut_log(log, piece_s, np.inf, lambda: False):
         begin = time.perf_counter()
         updates = smoother.feed(piece)
         if len(updates) == 1:

@@ -20,16 +20,16 @@ from fbgraph.core.config import Config, load_config
 from fbgraph.core.log import SensorLog
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.online import OnlineSmoother
-from fbgraph.front_end.front_end import StepTrack
+from fbgraph.front_end.track import StepTrack
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
-from fbgraph.session import pieces
+from fbgraph.session import cut_log
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import Route, load_route
 from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
-from fbgraph.way_back.closures import Closure
 from fbgraph.way_back.guide import ReturnGuide
-from fbgraph.way_back.matcher import ReturnUpdate, RouteMatcher
+from fbgraph.way_back.matcher import RouteMatcher
+from fbgraph.way_back.records import Closure, ReturnUpdate
 from fbgraph.way_back.turn_back import reversal
 from fbgraph.way_back.way_out import Outbound, level_length_m
 
@@ -51,7 +51,7 @@ def follow(log: SensorLog, config: Config, at: str, piece_s: float = PIECE_S) ->
     guide = ReturnGuide(config.model_copy(update={"returning": config.returning.model_copy(update={"at": at})}))
     smoother = OnlineSmoother(config, companion=guide)
     rows = []
-    for piece, until_s in pieces(log, piece_s, np.inf, lambda: False):
+    for piece, until_s in cut_log(log, piece_s, np.inf, lambda: False):
         for update in smoother.feed(piece):
             if update.returning is not None:
                 rows.append((min(until_s, log.duration_s), update.returning))

@@ -22,7 +22,7 @@ from fbgraph.pipeline import reconstruct
 from fbgraph.run.metrics import score_turns
 from fbgraph.simulator.routes import ROUTE_NAMES, Route, load_route
 from fbgraph.simulator.simulate import SimulatedWalk, simulate
-from fbgraph.way_back.legs import way
+from fbgraph.way_back.legs import directions_of
 
 HEADS = ("route", "walks", "true turns", "missed", "phantom", "recall %", "precision %", "angle rms °")
 LEG_HEADS = ("error / sigma: along", "across", "whole walk")
@@ -62,7 +62,7 @@ def random_route(seed: int) -> Route:
 
 def leg_ratios(walk: SimulatedWalk, smoothed: Trajectory) -> list[tuple[float, float, float]]:
     """Error over sigma of each leg, along and across, and once of the walk."""
-    there = way(smoothed, graph=CONFIG.graph)
+    there = directions_of(smoothed, graph=CONFIG.graph)
     real = np.abs(walk.turns.angle_rad) >= np.radians(30.0)
     corners = np.column_stack((walk.turns.x_m, walk.turns.y_m))[real]
     corners = np.vstack(((walk.x_m[0], walk.y_m[0]), corners, (walk.x_m[-1], walk.y_m[-1])))

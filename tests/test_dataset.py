@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fbgraph.core.config import DatasetConfig, load_config, load_mapping
+from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.study.course import simulated_trials, write_trial
 from fbgraph.study.dataset import read_dataset
+from fbgraph.study.layout import DatasetConfig, load_mapping
 from fbgraph.study.trial import Trial
 
 LAYOUT = load_config("forestback").dataset

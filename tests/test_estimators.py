@@ -16,7 +16,7 @@ from fbgraph.estimators.ekf import run_ekf
 from fbgraph.estimators.graph import Node, heading_factor
 from fbgraph.estimators.pdr import dead_reckon
 from fbgraph.estimators.smoother import body_to_world, smooth
-from fbgraph.front_end.front_end import Step, StepTrack
+from fbgraph.front_end.track import Step, StepTrack
 
 CONFIG = Config()
 L = 0.7
@@ -53,7 +53,7 @@ def make_track(
                 rest_s=5.0 if rest and k == 1 else 0.0,
             )
         )
-    return StepTrack.of(steps)
+    return StepTrack(steps)
 
 
 def run_all(track: StepTrack) -> dict[str, Trajectory]:
@@ -98,7 +98,7 @@ def test_a_turned_world_gives_the_turned_walk(name: str) -> None:
 @pytest.mark.parametrize("name", ["pdr", "ekf", "smoothed"])
 def test_a_later_start_changes_only_times(name: str) -> None:
     track = make_track(SQUARE, 0.002, rest=True)
-    later = StepTrack.of(
+    later = StepTrack(
         [replace(s, t_s=s.t_s + 1000, start_s=s.start_s + 1000, yaw_s=s.yaw_s + 1000) for s in track.steps]
     )
     a, b = run_all(track)[name], run_all(later)[name]
@@ -127,7 +127,7 @@ def test_one_disturbed_stretch_does_not_bend_the_smoothed_walk() -> None:
         replace(s, yaw_mag_rad=float(wrap_angle(np.asarray(s.yaw_mag_rad + 1.2)))) if 40 <= k < 55 else s
         for k, s in enumerate(track.steps)
     ]
-    estimates = run_all(StepTrack.of(disturbed))
+    estimates = run_all(StepTrack(disturbed))
     assert abs(estimates["smoothed"].y_m[-1]) < 0.09 * 70
     assert abs(estimates["smoothed"].y_m[-1]) < abs(estimates["ekf"].y_m).max() + 6
 
@@ -162,7 +162,7 @@ def test_a_gap_leaves_room_for_what_was_not_seen() -> None:
         replace(s, chained=k != 20, t_s=s.t_s + 10 * (k >= 20), yaw_s=s.yaw_s + 10 * (k >= 20))
         for k, s in enumerate(track.steps)
     ]
-    smoothed = run_all(StepTrack.of(broken))["smoothed"]
+    smoothed = run_all(StepTrack(broken))["smoothed"]
     assert smoothed.cov_xy_yaw is not None
     sigma = np.sqrt(smoothed.cov_xy_yaw[:, 0, 0])
     assert sigma[20] > sigma[19] + 5.0
@@ -208,7 +208,7 @@ def test_residuals_and_weights_add_up_to_the_graph_error() -> None:
     track = make_track(yaw, bias_rad_s=0.01, rest=True)
     bent = np.where((np.arange(61) > 10) & (np.arange(61) < 20), track.yaw_mag_rad + 1.4, track.yaw_mag_rad)
     steps = [replace(step, yaw_mag_rad=float(m)) for step, m in zip(track.steps, bent, strict=True)]
-    track = StepTrack.of(steps)
+    track = StepTrack(steps)
     anchors = checkpoints(track.t_s[[0, 30, 60]], np.array((0.0, 21.0, 33.0)), np.array((0.0, 0.0, 21.0)))
     smoothed = smooth(track, run_ekf(track, CONFIG.ekf), CONFIG.graph, CONFIG.solver, anchors)
     total = 0.0

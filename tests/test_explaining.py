@@ -16,13 +16,13 @@ from fbgraph.core.georeference import Georeference, parse_origin
 from fbgraph.core.log import SensorLog, Stream
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct
-from fbgraph.run.findings import (
+from fbgraph.run.findings import find
+from fbgraph.run.lanes import (
     DOUBTED,
     STANDING,
     WALKING,
     compass_lane,
     compass_trust,
-    find,
     places_lane,
     stretches,
     wearer_lane,

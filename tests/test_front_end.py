@@ -9,7 +9,8 @@ import pytest
 
 from fbgraph.core.config import Config
 from fbgraph.core.log import SensorLog, Stream
-from fbgraph.front_end.front_end import FrontEnd, Step, StepTrack, detect_steps
+from fbgraph.front_end.front_end import FrontEnd, detect_steps
+from fbgraph.front_end.track import Step, StepTrack
 from fbgraph.readers import read_log
 
 LOGS = ("ipin2023/TrainingTrial04_repetition01.txt.gz", "indoor-location/site1/F4/5ddb6560c5b77e0006b1791e.txt.gz")
@@ -21,7 +22,7 @@ def feed(log: SensorLog, edges_s: np.ndarray) -> StepTrack:
     bounds = np.concatenate(([-1.0], edges_s, [1e9]))
     for start_s, end_s in itertools.pairwise(bounds):
         steps += front_end.feed(log.between(start_s, end_s))[0]
-    return StepTrack.of(steps + front_end.finish()[0])
+    return StepTrack(steps + front_end.finish()[0])
 
 
 def same(a: StepTrack, b: StepTrack) -> bool:

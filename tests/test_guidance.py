@@ -26,10 +26,10 @@ from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import read_log
 from fbgraph.run.metrics import score_turns
-from fbgraph.run.reading import read_way
+from fbgraph.run.reading import read_directions
 from fbgraph.simulator.routes import ROUTE_NAMES, load_route
 from fbgraph.simulator.simulate import simulate
-from fbgraph.way_back.legs import Way, way
+from fbgraph.way_back.legs import Directions, directions_of
 from fbgraph.way_back.texts import distance_text, heading_text, instructions, turn_text
 from fbgraph.way_back.turns import find_turns
 
@@ -75,7 +75,7 @@ def wobbly(*legs: tuple[float, int], sigma_deg: float = 2.0) -> np.ndarray:
     return yaw + np.random.default_rng(0).normal(0.0, sigma_deg, len(yaw))
 
 
-def off_path_m(found: Way) -> float:
+def off_path_m(found: Directions) -> float:
     """How far somebody who follows the instructions exactly gets from the ends of the legs."""
     here, off = np.array(found.points_m[0][:2]), 0.0
     for leg in found.legs:
@@ -268,7 +268,7 @@ def test_a_real_walk_out_and_back_is_told_by_its_corridors(shared_data: Path, tm
     file = read_log(shared_data / "ipin2023" / "TrainingTrial22_repetition02.txt.gz")
     log = replace(file.log, events=(Event(0.0, "before the walk"),))
     write_run(reconstruct(log, load_config("phone")), tmp_path / "run", recording=False)
-    back = read_way(tmp_path / "run").reversed()
+    back = read_directions(tmp_path / "run").reversed()
     turns = [math.degrees(back.turn_rad(i)) for i in range(1, len(back.legs))]
     assert np.abs(turns) == pytest.approx([90, 90, 90, 180, 90, 90, 90], abs=12)
     assert instructions(back)[-1] == "You are back at the start, at “before the walk”."
@@ -304,7 +304,7 @@ def test_a_climb_is_told_where_it_is() -> None:
         (hill, "5 m up between 2.1 m and 19 m, 5 m down between 23 m and 40 m", "5 m up between 2.1 m and 19 m"),
         (0.9 * slope / 4.0, "heading 090° E.", "heading"),
     ):
-        found = way(trajectory(np.zeros(60), z_m=z_m))
+        found = directions_of(trajectory(np.zeros(60), z_m=z_m))
         if "heading" in there:
             assert "up" not in instructions(found)[0]
         else:
@@ -330,7 +330,7 @@ def test_turns_of_simulated_walks_are_found_and_no_others(route: str) -> None:
 @pytest.mark.parametrize("steps", [10, 15, 30])
 def test_a_gradual_curve_is_walked_in_turns(curve_deg: float, steps: int) -> None:
     yaw = np.concatenate((np.zeros(20), np.linspace(0.0, curve_deg, steps), np.full(20, curve_deg)))
-    found = way(trajectory(yaw + wobbly((0.0, len(yaw)))))
+    found = directions_of(trajectory(yaw + wobbly((0.0, len(yaw)))))
     turns = [found.turn_rad(i) for i in range(1, len(found.legs))]
     assert math.degrees(sum(turns)) == pytest.approx(curve_deg, abs=8.0)
     assert min(np.abs(turns)) >= math.radians(30.0)
@@ -362,7 +362,7 @@ def test_legs_are_as_uncertain_as_they_say() -> None:
     ratios = []
     for seed in range(12):
         walk = simulate(load_route("square"), seed=seed)
-        found = way(reconstruct(walk.log, CONFIG).smoothed.trajectory, graph=CONFIG.graph)
+        found = directions_of(reconstruct(walk.log, CONFIG).smoothed.trajectory, graph=CONFIG.graph)
         corners = np.column_stack((walk.turns.x_m, walk.turns.y_m))
         corners = np.vstack(((walk.x_m[0], walk.y_m[0]), corners, (walk.x_m[-1], walk.y_m[-1])))
         for leg, true in zip(found.legs, np.diff(corners, axis=0), strict=True):
@@ -391,7 +391,7 @@ def test_back_and_back_again_is_the_way_itself(
     step_m = np.array(data.draw(st.lists(st.floats(0.05, 1.2), min_size=count, max_size=count)))
     z_m = np.array(data.draw(st.lists(st.floats(-8.0, 8.0), min_size=count + 1, max_size=count + 1)))
     walked = trajectory(yaw_deg, step_m, z_m)
-    there = way(walked, events)
+    there = directions_of(walked, events)
     back = there.reversed()
     assert back.reversed() == there
     assert back != there
@@ -408,7 +408,7 @@ def test_back_and_back_again_is_the_way_itself(
 
 
 def test_a_left_turn_is_a_right_turn_on_the_way_back_and_directions_are_opposite() -> None:
-    there = way(trajectory(wobbly((0.0, 10), (90.0, 20))))
+    there = directions_of(trajectory(wobbly((0.0, 10), (90.0, 20))))
     back = there.reversed()
     assert there.turn_rad(1) == pytest.approx(math.pi / 2, abs=0.1)
     assert back.turn_rad(1) == pytest.approx(-there.turn_rad(1))
@@ -419,8 +419,8 @@ def test_a_left_turn_is_a_right_turn_on_the_way_back_and_directions_are_opposite
 
 def test_a_way_needs_steps_and_a_pace() -> None:
     with pytest.raises(DataError, match="two"):
-        way(trajectory(np.zeros(1)))
+        directions_of(trajectory(np.zeros(1)))
     with pytest.raises(DataError, match="never moves"):
-        way(trajectory(np.zeros(5), step_m=0.0))
+        directions_of(trajectory(np.zeros(5), step_m=0.0))
     with pytest.raises(ConfigError, match="pace"):
-        way(trajectory(np.zeros(5)), pace_m=0.0)
+        directions_of(trajectory(np.zeros(5)), pace_m=0.0)

@@ -21,14 +21,17 @@ from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import DataError
 from fbgraph.core.log import SensorLog, Stream
 from fbgraph.core.trajectory import Trajectory, read_tum
-from fbgraph.estimators.online import OnlineSmoother, Update
+from fbgraph.estimators.answers import Update
+from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.readers.live_lines import LiveReader
+from fbgraph.readers.raw_lines import saved_log
 from fbgraph.run.metrics import score
-from fbgraph.session import pieces, saved_log
+from fbgraph.session import cut_log
+from fbgraph.simulator.files import write_m5stickc_csv
 from fbgraph.simulator.routes import load_route
-from fbgraph.simulator.simulate import SimulateOptions, simulate, write_m5stickc_csv
+from fbgraph.simulator.simulate import SimulateOptions, simulate
 
 
 def feed(smoother: OnlineSmoother, log: SensorLog, chunk_s: float) -> list[Update]:
@@ -50,7 +53,7 @@ def test_a_replayed_log_is_the_log(chunk_s: float) -> None:
     acc = Stream(t_s, np.tile(t_s[:, None], 3))
     mag = Stream(t_s[::7] + 1.0, np.tile(t_s[::7, None], 3))
     log = SensorLog(name="x", format="x", t0_s=0.0, acc=acc, gyro=acc, mag=mag)
-    joined = SensorLog.concatenate([piece for piece, _ in pieces(log, chunk_s, np.inf, lambda: False)])
+    joined = SensorLog.concatenate([piece for piece, _ in cut_log(log, chunk_s, np.inf, lambda: False)])
     for name in ("acc", "gyro", "mag"):
         np.testing.assert_array_equal(getattr(joined, name).t_s, getattr(log, name).t_s)
 

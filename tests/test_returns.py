@@ -19,17 +19,21 @@ from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.log import SensorLog
 from fbgraph.core.trajectory import read_tum
+from fbgraph.estimators.graph import closure_factor
 from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
+from fbgraph.run.folder import RETURN_HEADER
 from fbgraph.run.metrics import score
-from fbgraph.session import pieces
+from fbgraph.session import cut_log
+from fbgraph.simulator.files import write_m5stickc_csv
 from fbgraph.simulator.routes import Route, load_route
-from fbgraph.simulator.simulate import SimulatedWalk, simulate, write_m5stickc_csv
-from fbgraph.way_back.closures import Closure, ClosureMaker, closure_factor
-from fbgraph.way_back.guide import RETURN_HEADER, ReturnGuide, instruction
-from fbgraph.way_back.matcher import Match, ReturnUpdate, RouteMatcher
-from fbgraph.way_back.turn_back import Crumb, TurnBack, TurnBackDetector
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.way_back.closures import ClosureMaker
+from fbgraph.way_back.guide import ReturnGuide, instruction
+from fbgraph.way_back.matcher import RouteMatcher
+from fbgraph.way_back.records import Closure, Crumb, Match, ReturnUpdate, TurnBack
+from fbgraph.way_back.turn_back import TurnBackDetector
 from fbgraph.way_back.way_out import Outbound
 
 
@@ -51,7 +55,7 @@ def guided(log: SensorLog, at: str, chunk_s: float = 0.5, device: str = "m5stick
     config = load_config(device, [f'returning.at="{at}"'])
     guide = ReturnGuide(config)
     smoother = OnlineSmoother(config, companion=guide)
-    for piece, _ in pieces(log, chunk_s, np.inf, lambda: False):
+    for piece, _ in cut_log(log, chunk_s, np.inf, lambda: False):
         smoother.feed(piece)
     smoother.finish()
     return guide

@@ -13,6 +13,7 @@ from fbgraph.core.config import DeviceConfig
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import BoolArray, rotate, wrap_angle
 from fbgraph.readers import read_log
+from fbgraph.simulator.files import write_m5stickc_csv, write_truth_csv
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import ROUTE_NAMES, load_route
 from fbgraph.simulator.simulate import (
@@ -24,8 +25,6 @@ from fbgraph.simulator.simulate import (
     SimulatedWalk,
     SimulateOptions,
     simulate,
-    write_m5stickc_csv,
-    write_truth_csv,
 )
 
 METRONOME = Walker(alpha_m=0.7, beta_m_s=0.0, gamma_m=0.0, gait_variation=0.0)

@@ -15,12 +15,12 @@ from rerun.chunk import RrdReader
 
 from fbgraph.core.config import load_config
 from fbgraph.readers import read_log
-from fbgraph.recording.blueprint import blueprint, tabs
+from fbgraph.recording.blueprint import blueprint, question_tabs
 from fbgraph.recording.live_view import LiveView
 from fbgraph.recording.recorder import write_recording
 from fbgraph.recording.writer import RrdWriter
-from fbgraph.run.folder import summarize, summary_markdown
 from fbgraph.run.result import WalkResult
+from fbgraph.run.summary import summarize, summary_markdown
 from fbgraph.session import replay
 
 
@@ -147,7 +147,7 @@ def live_and_file(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tup
 def test_live_and_file_show_the_same_things_in_the_same_layout(live_and_file: tuple[Path, Path, WalkResult]) -> None:
     live, file, _ = live_and_file
     assert entities(live) == entities(file)
-    names = [[str(tab.name) for tab in tabs(entities(path), None)] for path in (live, file)]
+    names = [[str(tab.name) for tab in question_tabs(entities(path), None)] for path in (live, file)]
     assert names[0] == names[1]
     assert "While walking" in names[0]
 

@@ -16,6 +16,7 @@ from fbgraph.cli.app import (
 )
 from fbgraph.cli.printing import print_scores
 from fbgraph.core.errors import ConfigError
+from fbgraph.core.whole_writes import whole_file
 
 
 @app.command()
@@ -45,10 +46,8 @@ def view(
         elif save is not None:
             require_walk(shown)
         if save is not None:
-            try:
-                shutil.copyfile(shown, save)
-            except OSError as error:
-                raise ConfigError(f"--save {save}: cannot write there: {error.strerror or error}") from error
+            with whole_file(save) as partial:
+                shutil.copyfile(shown, partial)
             print(f"written to {save}")
             return
         command = [sys.executable, "-m", "rerun", str(shown), *(["--web-viewer"] if web else [])]
@@ -69,10 +68,7 @@ def record(
 
     if out is not None:
         require_free(out, "--out")
-    try:
-        print(f"written to {reruns.record(run, out, log)}")
-    except OSError as error:
-        raise ConfigError(f"{out or run}: cannot write there: {error.strerror or error}") from error
+    print(f"written to {reruns.record_run(run, out, log)}")
 
 
 @app.command()
@@ -83,7 +79,7 @@ def evaluate(
 ) -> None:
     """Score a run folder against known places."""
     from fbgraph.core.checkpoints import read_checkpoints
-    from fbgraph.run.folder import read_summary, score_run
+    from fbgraph.run.reading import read_summary, score_run
 
     scores = score_run(run, read_checkpoints(truth))
     if as_json:
@@ -112,25 +108,24 @@ def guide(
 ) -> None:
     """Directions back along the breadcrumbs, from the end of a walk to its start."""
     from fbgraph.core.georeference import parse_origin
-    from fbgraph.run.folder import read_summary, require_free
-    from fbgraph.run.reading import read_georeference, read_way
-    from fbgraph.way_back.maps import format_way
+    from fbgraph.core.whole_writes import whole_file
+    from fbgraph.run.folder import require_free
+    from fbgraph.run.reading import read_georeference, read_summary
+    from fbgraph.way_back.maps import format_directions
 
     if units not in ("metric", "steps"):
         raise ConfigError(f"unknown units {units!r}: expected metric or steps")
     given = None if origin is None else parse_origin(origin)
-    there = read_way(run, estimator, pace_m)
+    there = read_directions(run, estimator, pace_m)
     if given is None:
         where = read_georeference(read_summary(run), str(run))
     else:
         x_m, y_m, _ = there.points_m[0]
         where = given.moved(-x_m, -y_m)
-    text = format_way(there.reversed(), format_, "steps" if units == "steps" else "metric", where)
+    text = format_directions(there.reversed(), format_, "steps" if units == "steps" else "metric", where)
     if out is None:
         print(text, end="")
         return
     require_free(out, "--out")
-    try:
-        out.write_text(text, "utf-8")
-    except OSError as error:
-        raise ConfigError(f"--out {out}: cannot write there: {error.strerror}") from error
+    with whole_file(out) as partial:
+        partial.write_text(text, "utf-8")

@@ -41,7 +41,7 @@ def simulate(
     as_json: JsonOption = False,
 ) -> None:
     """Write a simulated M5StickC log, and its exact truth beside it as OUT_truth.csv."""
-    from fbgraph.pipeline import simulate_files
+    from fbgraph.simulator.files import simulate_files
     from fbgraph.simulator.gait import Walker
     from fbgraph.simulator.routes import load_route
     from fbgraph.simulator.simulate import SimulateOptions
@@ -96,22 +96,22 @@ def study(
     """Reproduce the ForestBack paper's evaluation, and ours beside it: tables, figures, report."""
     import shlex
 
-    from fbgraph.core.config import load_config, load_mapping, parse_config
+    from fbgraph.core.config import STUDY_TABLE, load_config
+    from fbgraph.study.layout import load_layout
     from fbgraph.study.run import SIMULATED, study_files
 
     simulated = dataset == SIMULATED
     if seed is not None and not simulated:
         raise ConfigError("--seed is for simulated trials; a data set has none")
-    effective = load_config(config or "forestback", set_ or ())
-    if effective.dataset.columns == parse_config({}, "").dataset.columns:  # a configuration that says nothing of them
-        columns = load_config("forestback").dataset.columns
-        effective = effective.model_copy(update={"dataset": effective.dataset.model_copy(update={"columns": columns})})
-    if mapping is not None:
-        effective = effective.model_copy(update={"dataset": load_mapping(mapping, effective.dataset)})
+    source = config or "forestback"
+    of_layout = [text for text in set_ or () if text.startswith(f"{STUDY_TABLE}.")]
+    effective = load_config(source, [text for text in set_ or () if text not in of_layout])
+    layout = load_layout(source, of_layout, mapping)
     seed = 1 if seed is None else seed
     folder = out or Path("studies") / (f"simulated-{seed}" if simulated else Path(dataset).name.partition(".")[0])
+    command = shlex.join(["fbgraph", *sys.argv[1:]])
     with study_progress_bar() as progress:
-        result = study_files(dataset, folder, effective, seed, trials, shlex.join(["fbgraph", *sys.argv[1:]]), progress)
+        result = study_files(dataset, folder, effective, layout, seed, trials, command, progress)
     from fbgraph.study.report import headline, summary, table  # heavy, and by now imported
 
     if as_json:

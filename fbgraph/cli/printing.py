@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """A bar of stages on a terminal, nothing elsewhere."""
-    stages = ("read", "steps", "pdr", "ekf", "smoother", "closures", "tables", "recording")
+    stages = ("read", "steps", "baselines", "smoother", "closures", "tables", "recording")
     if not sys.stderr.isatty():
         yield lambda stage: None
         return

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -30,8 +30,7 @@ from fbgraph.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from fbgraph.core.config import Config
-    from fbgraph.core.georeference import Georeference
-    from fbgraph.estimators.online import Update
+    from fbgraph.estimators.answers import Update
     from fbgraph.recording.live_view import LiveView
 
 
@@ -56,32 +55,18 @@ def smooth(
     as_json: JsonOption = False,
 ) -> None:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps."""
-    from fbgraph.core.checkpoints import read_checkpoints
-    from fbgraph.core.config import load_config
     from fbgraph.core.georeference import parse_origin
-    from fbgraph.pipeline import reconstruct, write_run
-    from fbgraph.readers import preset, read_log
+    from fbgraph.pipeline import read_walk, reconstruct, write_run
+    from fbgraph.run.inputs import RunInputs
 
     set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
-    load_config(config, set_)  # a wrong option is told before a long log is read
-    known = None if truth is None else read_checkpoints(truth)
-    anchored = None if anchors is None else read_checkpoints(anchors)
     where = None if origin is None else parse_origin(origin)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where)
     with progress_bar() as progress:
         progress("read")
-        log_file = read_log(log, format_)
-        effective = load_config(config or preset(log_file.log.format), set_)
-        result = reconstruct(
-            log_file.log,
-            effective,
-            known or log_file.truth,
-            anchored,
-            closed_loop,
-            where,
-            _inputs(log, format_, truth, anchors, closed_loop, where),
-            progress,
-        )
-        folder = out or Path("runs") / log_file.log.name
+        walk, effective, told = read_walk(inputs, config, set_)
+        result = reconstruct(walk, effective, told, inputs, progress)
+        folder = out or Path("runs") / walk.name
         summary = write_run(result, folder, recording=not no_recording, progress=progress)
     if as_json:
         print(json.dumps({"out": str(folder), **summary}, indent=2))
@@ -123,66 +108,49 @@ def online(
 ) -> None:
     """The trajectory while walking: replay a log, or follow a live device. Ctrl-C ends the walk, not the data."""
     from fbgraph import session
-    from fbgraph.core.checkpoints import read_checkpoints
     from fbgraph.core.config import load_config
     from fbgraph.core.georeference import parse_origin
-    from fbgraph.readers import preset, read_log
+    from fbgraph.pipeline import read_walk
     from fbgraph.readers.sources import open_source
     from fbgraph.run.folder import check_run_folder
+    from fbgraph.run.inputs import RunInputs
 
-    if (log is None) == (source is None):
-        raise ConfigError("name either a LOG to replay or a --source to follow")
-    if resume is not None and source is None:
-        raise ConfigError("--resume goes on with a live walk: name its --source")
+    folder = _online_folder(log, source, out, resume)
     if resume is not None and (config is not None or set_):
         raise ConfigError("--resume goes on with the walk's own configuration: leave out --config and --set")
-    if resume is not None and out is not None and out != resume:
-        raise ConfigError("--resume DIR is where the walk is kept: leave out --out")
     if source is not None and anchors is not None:
         raise ConfigError("--anchors needs a LOG: a live device's clock is not known beforehand")
     set_ = [*(set_ or ()), *([f"returning.at={json.dumps(return_at)}"] if return_at is not None else ())]
-    load_config(config, set_)  # a wrong option is told before a long log is read
-    folder = resume or out
-    if folder is None:
-        if log is None:
-            raise ConfigError("--out DIR says where the walk is kept")
-        folder = Path("runs") / (log.name.removesuffix(".gz").rpartition(".")[0] or log.name)
-    show = _update_printer(follow, as_json)
-    known = None if truth is None else read_checkpoints(truth)
+    load_config(config, set_)  # a wrong option is told before the walk begins
     where = None if origin is None else parse_origin(origin)
-    inputs = _inputs(log, format_, truth, anchors, closed_loop, where)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where)
+    show, pace = _update_printer(follow, as_json), _speed(speed)
     check_run_folder(folder)
     stopping = _stop_on_signals()
-    if log is not None:
-        log_file = read_log(log, format_)
-        effective = load_config(config or preset(log_file.log.format), set_)
-        result = session.replay(
-            log_file.log,
+    if source is None:
+        walk, effective, told = read_walk(inputs, config, set_)
+        result = session.replay_log(
+            walk,
             effective,
+            told,
             chunk_s=chunk,
-            speed=_speed(speed),
+            speed=pace,
             on_update=show,
             stop=stopping,
-            truth=known or log_file.truth,
-            anchors=None if anchors is None else read_checkpoints(anchors),
-            closed_walk=closed_loop,
-            origin=where,
             recording=not no_recording,
             view=_live_view(effective, view, connect),
             inputs=inputs,
         )
     else:
-        assert source is not None
         effective = session.resumed_config(folder, return_at) if resume else load_config(config or "m5stickc", set_)
-        result = session.live(
+        told = inputs.read_told()
+        result = session.follow_source(
             open_source(source, stopping),
             folder,
             effective,
+            told,
             on_update=show,
             resume=resume is not None,
-            closed_walk=closed_loop,
-            truth=known,
-            origin=where,
             recording=not no_recording,
             view=_live_view(effective, view, connect),
             inputs=inputs,
@@ -195,6 +163,25 @@ def online(
         print(f"written to {folder}")
 
 
+def _online_folder(log: Path | None, source: str | None, out: Path | None, resume: Path | None) -> Path:
+    """Where the walk is kept.
+
+    Raises:
+        ConfigError: these options do not go together.
+    """
+    if (log is None) == (source is None):
+        raise ConfigError("name either a LOG to replay or a --source to follow")
+    if resume is not None and source is None:
+        raise ConfigError("--resume goes on with a live walk: name its --source")
+    if resume is not None and out is not None and out != resume:
+        raise ConfigError("--resume DIR is where the walk is kept: leave out --out")
+    if folder := resume or out:
+        return folder
+    if log is None:
+        raise ConfigError("--out DIR says where the walk is kept")
+    return Path("runs") / (log.name.removesuffix(".gz").rpartition(".")[0] or log.name)
+
+
 def _live_view(config: Config, view: bool, url: str | None) -> LiveView | None:
     if not view and url is None:
         return None
@@ -202,25 +189,6 @@ def _live_view(config: Config, view: bool, url: str | None) -> LiveView | None:
     from fbgraph.recording.live_view import LiveView
 
     return LiveView(config, url)
-
-
-def _inputs(
-    log: Path | None,
-    format_: str | None,
-    truth: Path | None,
-    anchors: Path | None,
-    closed_walk: bool,
-    origin: Georeference | None,
-) -> dict[str, Any]:
-    """What a run is made from, for ``fbgraph record`` to make it again."""
-    return {
-        "log": None if log is None else str(log.resolve()),
-        "format": format_,
-        "truth": None if truth is None else str(truth.resolve()),
-        "anchors": None if anchors is None else str(anchors.resolve()),
-        "closed_walk": closed_walk,
-        "origin": None if origin is None else [origin.lat_deg, origin.lon_deg],
-    }
 
 
 def _speed(text: str) -> float:

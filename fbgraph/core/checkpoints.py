@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fbgraph.core.errors import DataError
-from fbgraph.core.geometry import FloatArray
+from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.georeference import Georeference
 
 _SLACK_S = 5.0
@@ -67,6 +67,10 @@ class Checkpoints:
                 f"{self.source}: the anchor at {self.t_s[outside[0]]:.1f} s lies outside the log "
                 f"({start_s:.1f} to {end_s:.1f} s): another log's, or another clock"
             )
+
+    def since(self, t0_s: float) -> Checkpoints:
+        """The same places, their times in seconds since ``t0_s``."""
+        return replace(self, t_s=self.t_s - t0_s)
 
     def in_frame_of(self, other: Checkpoints | None) -> Checkpoints:
         """The same places in another's frame, where both are known on Earth; else as they are."""
@@ -155,3 +159,13 @@ def _placed(columns: dict[str, FloatArray]) -> dict[str, Any]:
         return {**columns, "georeference": first.moved(-columns["x_m"][0], -columns["y_m"][0])}
     x_m, y_m = first.local_m(np.column_stack((lat_deg, lon_deg))).T
     return {**columns, "x_m": x_m, "y_m": y_m, "georeference": first}
+
+
+def anchor_breadcrumbs(anchors: Checkpoints, t_s: FloatArray) -> IntArray:
+    """(M,) indices of the breadcrumbs nearest in time to M anchors.
+
+    Args:
+        anchors: on the clock of ``t_s``.
+        t_s: (K+1,) times of the breadcrumbs.
+    """
+    return np.asarray(np.abs(t_s[None, :] - anchors.t_s[:, None]).argmin(axis=1))

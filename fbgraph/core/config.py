@@ -12,23 +12,26 @@ from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, TypeVar
 
 import tomli_w
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from fbgraph.core.errors import ConfigError
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
-Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
-"""One name or a list of them."""
 
 
 class Section(BaseModel):
     """A table of the configuration: frozen, and a mistyped key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+
+SectionT = TypeVar("SectionT", bound=Section)
+STUDY_TABLE = "dataset"
+"""The table of a configuration file that says how a data set of trials is laid out; see ``study.layout``."""
 
 
 class DeviceConfig(Section):
@@ -189,65 +192,6 @@ class OnlineConfig(Section):
     """Changes below this (rad, m) are not passed on to older breadcrumbs until somebody asks for them."""
 
 
-class ColumnsConfig(Section):
-    """What the columns of a trial's table may be called; upper case, signs and a unit at the end do not matter.
-
-    ``configs/forestback.toml`` names them all and says what each is.
-    """
-
-    time: Names = ()
-    trial: Names = ()
-    acc_x: Names = ()
-    acc_y: Names = ()
-    acc_z: Names = ()
-    gyro_x: Names = ()
-    gyro_y: Names = ()
-    gyro_z: Names = ()
-    mag_x: Names = ()
-    mag_y: Names = ()
-    mag_z: Names = ()
-    pressure: Names = ()
-    altitude: Names = ()
-    step: Names = ()
-    turn: Names = ()
-    checkpoint: Names = ()
-    truth_x: Names = ()
-    truth_y: Names = ()
-    truth_heading: Names = ()
-    pdr_x: Names = ()
-    pdr_y: Names = ()
-    pdr_heading: Names = ()
-    pdr_error: Names = ()
-    forestback_x: Names = ()
-    forestback_y: Names = ()
-    forestback_heading: Names = ()
-    forestback_error: Names = ()
-    current: Names = ()
-
-
-class UnitsConfig(Section):
-    """Units that the columns' own names do not tell; "" leaves them to be judged by magnitude."""
-
-    time: Literal["", "s", "ms", "us", "ns"] = ""
-    acc: Literal["", "g", "mg", "ms2"] = ""
-    gyro: Literal["", "dps", "rads"] = ""
-    mag: Literal["", "ut", "nt", "mgauss", "gauss"] = ""
-    pressure: Literal["", "hpa", "pa", "kpa"] = ""
-    heading: Literal["", "deg", "rad"] = ""
-    current: Literal["", "ma", "a"] = ""
-
-
-class DatasetConfig(Section):
-    """The layout of a data set of trials (``fbgraph study``)."""
-
-    columns: ColumnsConfig = ColumnsConfig()
-    units: UnitsConfig = UnitsConfig()
-    rate_hz: Positive = 100.0
-    """Rows a second, of tables without a time column."""
-    map_yaw_deg: float = 0.0
-    """How far the ground truth's x axis is turned from magnetic East, counter-clockwise."""
-
-
 class ReturnConfig(Section):
     """The way back: when it begins, and how it is matched to the way out."""
 
@@ -312,7 +256,6 @@ class Config(Section):
     graph: GraphConfig = GraphConfig()
     solver: SolverConfig = SolverConfig()
     online: OnlineConfig = OnlineConfig()
-    dataset: DatasetConfig = DatasetConfig()
     returning: ReturnConfig = ReturnConfig()
 
 
@@ -333,60 +276,26 @@ def load_config(source: str | None = None, overrides: Iterable[str] = ()) -> Con
     """The effective configuration.
 
     Args:
-        source: a preset's name or the path of a TOML file; None for the defaults.
+        source: a preset's name or the path of a TOML file; None for the defaults. A ``[dataset]`` table in it is
+            left to ``fbgraph study``, which alone knows data sets.
         overrides: ``a.b=value`` strings, values in TOML notation (a bare word is taken as a string).
 
     Raises:
         ConfigError: no such preset or file, not TOML, an unknown key or an invalid value, with its dotted path.
     """
-    values: dict[str, Any] = _read_source(source) if source is not None else {}
-    for override in overrides:
-        path, equals, text = override.partition("=")
-        if not equals or not path.strip():
-            raise ConfigError(f"--set {override!r}: expected key=value, for example --set steps.lambda_sigma=0.5")
-        _put(values, path.strip(), _parse_value(text.strip()))
-    return parse_config(values, source or "--set")
+    values = {} if source is None else read_tables(source)
+    values.pop(STUDY_TABLE, None)
+    return validated(Config, override(values, overrides), source or "--set")
 
 
-def load_mapping(path: Path, dataset: DatasetConfig) -> DatasetConfig:
-    """A data set's layout with what a mapping file says otherwise; columns that the file does not name stay.
-
-    Args:
-        path: TOML with ``[dataset.columns]``, ``[dataset.units]`` and ``[dataset]``, as in ``configs/forestback.toml``.
-        dataset: the layout to start from.
-
-    Raises:
-        ConfigError: unreadable, not TOML, no or another table than ``[dataset]``, an unknown key, an invalid value.
-    """
-    try:
-        values = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"--mapping {path}: not a readable file") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"--mapping {path}: not TOML: {error}") from error
-    if other := sorted(values.keys() - {"dataset"}):
-        raise ConfigError(
-            f"--mapping {path}: unknown key {other[0]!r}; only [dataset] tables here, all else in --config"
-        )
-    given = parse_config(values, f"--mapping {path}").dataset
-    if not given.model_fields_set:
-        raise ConfigError(f"--mapping {path}: says nothing; it needs [dataset.columns], see configs/forestback.toml")
-    tables = {
-        name: getattr(dataset, name).model_copy(update=getattr(given, name).model_dump(exclude_unset=True))
-        for name in ("columns", "units")
-    }
-    plain = {name: getattr(given, name) for name in given.model_fields_set - tables.keys()}
-    return dataset.model_copy(update=tables | plain)
-
-
-def parse_config(values: Mapping[str, Any], source: str) -> Config:
-    """Validate a nested mapping.
+def validated(model: type[SectionT], values: Mapping[str, Any], source: str) -> SectionT:
+    """Validate a nested mapping as a table of the configuration.
 
     Raises:
         ConfigError: naming ``source`` and the dotted path of what is wrong.
     """
     try:
-        return Config.model_validate(values)
+        return model.model_validate(values)
     except ValidationError as error:
         first = error.errors()[0]
         path = ".".join(str(part) for part in first["loc"])
@@ -400,7 +309,12 @@ def dump_toml(config: Config) -> str:
     return tomli_w.dumps(config.model_dump(mode="json"))
 
 
-def _read_source(source: str) -> dict[str, Any]:
+def read_tables(source: str) -> dict[str, Any]:
+    """The tables of a preset or TOML file, unchecked.
+
+    Raises:
+        ConfigError: no such preset or file, or not TOML.
+    """
     try:
         if source in preset_names():
             text = (preset_folder() / f"{source}.toml").read_text("utf-8")
@@ -410,10 +324,33 @@ def _read_source(source: str) -> dict[str, Any]:
         raise ConfigError(
             f"--config {source}: neither a preset ({', '.join(preset_names())}) nor a readable file"
         ) from error
+    return parse_toml(text, f"--config {source}")
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """TOML as a nested mapping.
+
+    Raises:
+        ConfigError: it is none, naming ``source``.
+    """
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"--config {source}: not TOML: {error}") from error
+        raise ConfigError(f"{source}: not TOML: {error}") from error
+
+
+def override(values: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
+    """Put ``a.b=value`` strings into a nested mapping, in place.
+
+    Raises:
+        ConfigError: not of this form, or a value where a table should be.
+    """
+    for text in overrides:
+        path, equals, value = text.partition("=")
+        if not equals or not path.strip():
+            raise ConfigError(f"--set {text!r}: expected key=value, for example --set steps.lambda_sigma=0.5")
+        _put(values, path.strip(), _parse_value(value.strip()))
+    return values
 
 
 def _put(values: dict[str, Any], path: str, value: Any) -> None:

@@ -11,6 +11,27 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class Breadcrumb:
+    """One state of a trajectory as it was estimated at some moment.
+
+    Attributes:
+        k: index of the breadcrumb; 0 is the standing start.
+        t_s: time of its step, seconds since log start.
+        x_m, y_m, z_m, yaw_rad, gyro_bias_rad_s: its state.
+        distance_m: walked so far.
+    """
+
+    k: int
+    t_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+    gyro_bias_rad_s: float
+    distance_m: float
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Breadcrumbs of one estimator, K + 1 of them for K steps: node 0 is where the first step set out.

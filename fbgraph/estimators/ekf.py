@@ -16,7 +16,7 @@ from fbgraph.core.config import EkfConfig
 from fbgraph.core.geometry import wrap_scalar
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.field import FieldMemory
-from fbgraph.front_end.front_end import Step, StepTrack
+from fbgraph.front_end.track import Step, StepTrack
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from fbgraph.front_end.front_end import Step
+from fbgraph.front_end.track import Step
 
 _MEMORY_STEPS = 30
 

@@ -21,25 +21,27 @@ A Pose2's yaw is additive in its tangent space, so the linear heading factor is 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, X, Z
 
-from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.aids import Aids
+from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs
 from fbgraph.core.config import GraphConfig
-from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.field import FieldMemory
-from fbgraph.front_end.front_end import Step
-
-Graph = Any  # gtsam.NonlinearFactorGraph; the wheel's stubs are incomplete
-Values = Any  # gtsam.Values
+from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.way_back.records import Closure
 
 _FREE_RAD = 100.0  # a standard deviation that says nothing, yet keeps the system well conditioned
 _FREE_M = 1000.0
+_HUBER = 1.345  # 95 % efficient where errors are normal
+_CAUCHY = 1.0
+_FIXED_FACTOR = 1.5  # of a closure's sigma, where the earlier breadcrumb can no longer move
 _FIXED = 1e-3  # metres and radians; the origin
 _YAW_ROW = np.array([[0.0, 0.0, 1.0]])
 
@@ -55,7 +57,7 @@ class Node:
     bias_rad_s: float
 
     @property
-    def pose(self) -> Any:
+    def pose(self) -> gtsam.Pose2:
         """As a gtsam.Pose2."""
         return gtsam.Pose2(self.x_m, self.y_m, self.yaw_rad)
 
@@ -66,27 +68,19 @@ class GraphBuilder:
     It keeps only what a step's factors need from the steps before: the last step and the field's recent usual.
     """
 
-    def __init__(
-        self,
-        config: GraphConfig,
-        compass: bool = True,
-        free_origin: bool = False,
-        turned: bool = False,
-        aided: bool = False,
-    ) -> None:
+    def __init__(self, config: GraphConfig, aids: Aids, compass: bool) -> None:
         """A builder for one walk.
 
         Args:
             config: weights.
+            aids: where places are known the first breadcrumb is not the origin, and the steps may stretch by the error
+                they share, as no node carries it.
             compass: whether the first step has one; else the first direction is the reference of all others.
-            free_origin: places are known in a frame of their own, so the first breadcrumb is not its origin.
-            turned: of these places there are at least two, so that they also tell the walk's direction.
-            aided: places are known: let the steps stretch by the error they share, as no node carries it.
         """
         self._config = config
+        self._aids = aids
         self._compass = compass
-        self._free_origin = free_origin
-        self._turned = turned
+        aided = aids.places_known or aids.closed_walk
         shared = config.sigma_length_scale * math.sqrt(config.aided_length_steps) if aided else 0.0
         self._sigma_length_rel = math.hypot(config.sigma_length_rel, shared)
         self._k = -1
@@ -94,9 +88,16 @@ class GraphBuilder:
         self._field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
         self._altitude_0 = math.nan
         self._huber = gtsam.noiseModel.mEstimator.Huber
-        self._barometer = gtsam.noiseModel.Robust.Create(self._huber.Create(1.345), _sigmas(config.sigma_altitude_m))
+        self._barometer = gtsam.noiseModel.Robust.Create(self._huber.Create(_HUBER), _sigmas(config.sigma_altitude_m))
 
-    def add(self, step: Step, node: Node, previous_node: Node | None, graph: Graph, values: Values) -> None:
+    def add(
+        self,
+        step: Step,
+        node: Node,
+        previous_node: Node | None,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+    ) -> None:
         """Add the factors and the first values of the next breadcrumb.
 
         Args:
@@ -119,15 +120,15 @@ class GraphBuilder:
         self._add_altitude(k, step, graph)
         self._previous = step
 
-    def _add_start(self, node: Node, graph: Graph) -> None:
-        sigma = _FREE_M if self._free_origin else _FIXED
+    def _add_start(self, node: Node, graph: gtsam.NonlinearFactorGraph) -> None:
+        sigma = _FREE_M if self._aids.places_known else _FIXED
         graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), _sigmas(sigma, sigma)))
         graph.push_back(gtsam.PriorFactorDouble(Z(0), 0.0, _sigmas(_FIXED)))
         graph.push_back(gtsam.PriorFactorDouble(B(0), 0.0, _sigmas(self._config.sigma_bias_rad_s)))
-        sigma = _FREE_RAD if self._compass or self._turned else _FIXED
+        sigma = _FREE_RAD if self._compass or self._aids.direction_known else _FIXED
         graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), _sigmas(sigma)))
 
-    def _add_length(self, k: int, step: Step, previous: Step, graph: Graph) -> None:
+    def _add_length(self, k: int, step: Step, previous: Step, graph: gtsam.NonlinearFactorGraph) -> None:
         config = self._config
         along = math.hypot(self._sigma_length_rel * step.length_m, config.sigma_slope_rel * step.shortened_m)
         across = config.sigma_lateral_m
@@ -139,7 +140,9 @@ class GraphBuilder:
             )
         )
 
-    def _add_heading(self, k: int, step: Step, previous: Step, node: Node, previous_node: Node, graph: Graph) -> None:
+    def _add_heading(
+        self, k: int, step: Step, previous: Step, node: Node, previous_node: Node, graph: gtsam.NonlinearFactorGraph
+    ) -> None:
         config = self._config
         dt_s = step.yaw_s - previous.yaw_s
         increment = step.yaw_gyro_rad - previous.yaw_gyro_rad
@@ -150,7 +153,7 @@ class GraphBuilder:
         if step.rest_s > 0:
             graph.push_back(gtsam.PriorFactorDouble(B(k), step.rest_rate_rad_s, _sigmas(step.rest_sigma_rad_s)))
 
-    def _add_compass(self, k: int, step: Step, graph: Graph) -> None:
+    def _add_compass(self, k: int, step: Step, graph: gtsam.NonlinearFactorGraph) -> None:
         if not math.isfinite(step.yaw_mag_rad):
             return
         config = self._config
@@ -163,7 +166,7 @@ class GraphBuilder:
         model = gtsam.noiseModel.Robust.Create(huber, _sigmas(sigma * inflation))
         graph.push_back(gtsam.PoseRotationPrior2D(X(k), gtsam.Rot2(step.yaw_mag_rad), model))
 
-    def _add_altitude(self, k: int, step: Step, graph: Graph) -> None:
+    def _add_altitude(self, k: int, step: Step, graph: gtsam.NonlinearFactorGraph) -> None:
         config = self._config
         if math.isnan(self._altitude_0):
             self._altitude_0 = step.altitude_m
@@ -173,7 +176,39 @@ class GraphBuilder:
             graph.push_back(gtsam.PriorFactorDouble(Z(k), step.altitude_m - self._altitude_0, self._barometer))
 
 
-def heading_factor(k: int, increment_rad: float, dt_s: float, sigma_rad: float, node: Node, previous: Node) -> Any:
+def build_graph(
+    track: StepTrack, seed: Trajectory, config: GraphConfig, aids: Aids, closures: Sequence[Closure] = ()
+) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """The graph of a whole walk, and the first values of its nodes.
+
+    Args:
+        track: the steps.
+        seed: a trajectory near the answer, where the solver starts and headings are linearised.
+        config: weights.
+        aids: anchors and a closed end.
+        closures: breadcrumbs at the places of earlier ones.
+    """
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    builder = GraphBuilder(config, aids, compass=bool(np.isfinite(track.yaw_mag_rad[1])))
+    columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))
+    previous = None
+    for step, row in zip(track.steps, columns.tolist(), strict=True):
+        node = Node(*row)
+        builder.add(step, node, previous, graph, values)
+        previous = node
+    if aids.anchors is not None:
+        for i, k in enumerate(anchor_breadcrumbs(aids.anchors, track.t_s).tolist()):
+            graph.push_back(anchor_factor(aids.anchors, i, k, track.steps[k], config))
+    if aids.closed_walk:
+        graph.push_back(closed_walk_factor(len(track) - 1, config))
+    for closure in closures:
+        graph.push_back(closure_factor(closure))
+    return graph, values
+
+
+def heading_factor(
+    k: int, increment_rad: float, dt_s: float, sigma_rad: float, node: Node, previous: Node
+) -> gtsam.LinearContainerFactor:
     """The EKF's prediction as a factor: (θ_k - θ_{k-1}) + b_k Δt = gyroscope increment.
 
     Args:
@@ -201,39 +236,51 @@ def heading_factor(k: int, increment_rad: float, dt_s: float, sigma_rad: float, 
     return gtsam.LinearContainerFactor(jacobian, point)
 
 
-def anchor_factor(k: int, x_m: float, y_m: float, sigma_m: float) -> Any:
-    """The wearer was here at breadcrumb k, give or take sigma_m; robust, for people press buttons late."""
-    model = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Huber.Create(1.345), _sigmas(sigma_m, sigma_m))
-    return gtsam.PoseTranslationPrior2D(X(k), gtsam.Pose2(x_m, y_m, 0.0), model)
+def anchor_factor(
+    anchors: Checkpoints, i: int, k: int, step: Step, config: GraphConfig
+) -> gtsam.PoseTranslationPrior2D:
+    """Anchor i at breadcrumb k, the nearest in time; robust (Huber), for people press buttons late.
+
+    The breadcrumb may be half a step away from where the anchor was passed, which adds to its sigma.
+
+    Args:
+        anchors: known places.
+        i: which of them.
+        k: index of the breadcrumb.
+        step: the step that ends there.
+        config: what to believe of anchors without a sigma of their own.
+    """
+    own_m = float(anchors.sigma_m[i])
+    sigma_m = math.hypot(config.sigma_anchor_m if math.isnan(own_m) else own_m, 0.5 * step.length_m)
+    huber = gtsam.noiseModel.mEstimator.Huber.Create(_HUBER)
+    model = gtsam.noiseModel.Robust.Create(huber, _sigmas(sigma_m, sigma_m))
+    place = gtsam.Pose2(float(anchors.x_m[i]), float(anchors.y_m[i]), 0.0)
+    return gtsam.PoseTranslationPrior2D(X(k), place, model)
 
 
-def anchor_factors(
-    anchors: Checkpoints, t0_s: float, t_s: FloatArray, length_m: FloatArray, config: GraphConfig
-) -> list[Any]:
-    """Anchors at the breadcrumbs nearest in time; the distance walked meanwhile adds to their sigma."""
-    factors = []
-    crumbs = anchor_breadcrumbs(anchors, t0_s, t_s).tolist()
-    for k, x_m, y_m, sigma_m in zip(crumbs, anchors.x_m, anchors.y_m, anchors.sigma_m, strict=True):
-        sigma = anchor_sigma(float(sigma_m), float(length_m[k]) if k > 0 else 0.0, config)
-        factors.append(anchor_factor(k, float(x_m), float(y_m), sigma))
-    return factors
-
-
-def anchor_breadcrumbs(anchors: Checkpoints, t0_s: float, t_s: FloatArray) -> IntArray:
-    """(M,) indices of the breadcrumbs nearest in time to M anchors."""
-    return np.asarray(np.abs(t_s[None, :] - (anchors.t_s - t0_s)[:, None]).argmin(axis=1))
-
-
-def anchor_sigma(sigma_m: float, length_m: float, config: GraphConfig) -> float:
-    """Standard deviation of an anchor at the breadcrumb nearest in time, which may be half a step away."""
-    return math.hypot(config.sigma_anchor_m if math.isnan(sigma_m) else sigma_m, 0.5 * length_m)
-
-
-def closed_walk_factor(last: int, config: GraphConfig) -> Any:
-    """The walk ends where it began."""
+def closed_walk_factor(last: int, config: GraphConfig) -> gtsam.PoseTranslationPrior2D:
+    """The walk ends, at breadcrumb ``last``, where it began."""
     return gtsam.PoseTranslationPrior2D(X(last), gtsam.Pose2(), _sigmas(config.sigma_closure_m, config.sigma_closure_m))
 
 
+def closure_factor(closure: Closure) -> gtsam.BetweenFactorPose2:
+    """BetweenFactorPose2 on X(i), X(j), yaw left free; robust (Cauchy), for a wrong match is worse than none."""
+    place = gtsam.Pose2(closure.along_m, 0.0, math.pi)  # facing the other way
+    model = _cauchy(closure.sigma_along_m, closure.sigma_across_m, _FREE_RAD)
+    return gtsam.BetweenFactorPose2(X(closure.i), X(closure.j), place, model)
+
+
+def closure_prior(closure: Closure, x_m: float, y_m: float, yaw_rad: float) -> gtsam.PoseTranslationPrior2D:
+    """The same where breadcrumb ``i`` is fixed at a place and direction: a robust prior on X(j)."""
+    sigma_m = _FIXED_FACTOR * math.hypot(closure.sigma_along_m, closure.sigma_across_m) / math.sqrt(2.0)
+    x_m, y_m = x_m + closure.along_m * math.cos(yaw_rad), y_m + closure.along_m * math.sin(yaw_rad)
+    return gtsam.PoseTranslationPrior2D(X(closure.j), gtsam.Pose2(x_m, y_m, 0.0), _cauchy(sigma_m, sigma_m))
+
+
+def _cauchy(*sigmas: float) -> gtsam.noiseModel.Robust:
+    return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(_CAUCHY), _sigmas(*sigmas))
+
+
 @lru_cache(maxsize=512)  # most steps have the same
-def _sigmas(*values: float) -> Any:
+def _sigmas(*values: float) -> gtsam.noiseModel.Diagonal:
     return gtsam.noiseModel.Diagonal.Sigmas(np.array(values))

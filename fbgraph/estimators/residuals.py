@@ -7,64 +7,25 @@ it, 0.3 a third.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import gtsam
 import numpy as np
-import numpy.typing as npt
 
 from fbgraph.core.geometry import FloatArray
-from fbgraph.estimators.graph import Graph, Values
-
-NAMES = (
-    "step_length",
-    "step_sideways",
-    "heading",
-    "bias_drift",
-    "compass",
-    "barometer",
-    "climb",
-    "standing_still",
-    "anchor",
-    "closure",
-    "closed_walk",
-)
-"""Kinds of factors, in the order of the table atop ``fbgraph.estimators.graph``; priors on the origin are none of them."""
+from fbgraph.estimators.answers import FACTOR_KINDS, Residuals
 
 _Z = ord("z")  # of altitude nodes
 
 
-@dataclass(frozen=True)
-class Residuals:
-    """All factors of one kind.
-
-    Attributes:
-        name: one of ``NAMES``.
-        k: (N,) breadcrumb each is about, the later one of two.
-        whitened: (N,) estimate minus measurement in standard deviations, before the robust loss; of a place, how far.
-        weight: (N,) what the robust loss left of it, 0 to 1; ones for a factor without.
-    """
-
-    name: str
-    k: npt.NDArray[np.int64]
-    whitened: FloatArray
-    weight: FloatArray
-
-    @property
-    def rms(self) -> float:
-        """Root mean square; about 1 where the sigmas are right."""
-        return float(np.sqrt((self.whitened**2).mean()))
-
-
-def factor_residuals(graph: Graph, values: Values) -> tuple[Residuals, ...]:
+def factor_residuals(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> tuple[Residuals, ...]:
     """Residuals of every factor, by kind; kinds that the graph lacks are left out.
 
     Args:
-        graph: built by ``GraphBuilder``.
+        graph: built by ``build_graph``.
         values: where to evaluate it: the solution.
     """
-    rows: dict[str, list[tuple[int, float, float]]] = {name: [] for name in NAMES}
+    rows: dict[str, list[tuple[int, float, float]]] = {name: [] for name in FACTOR_KINDS}
     for i in range(graph.size()):
         factor = graph.at(i)
         keys = [gtsam.Symbol(key) for key in factor.keys()]  # noqa: SIM118  a factor is no mapping
@@ -105,7 +66,7 @@ def _is_robust(factor: Any) -> bool:
     return hasattr(factor, "noiseModel") and isinstance(factor.noiseModel(), gtsam.noiseModel.Robust)
 
 
-def _whitened(factor: Any, values: Values) -> tuple[FloatArray, float]:
+def _whitened(factor: Any, values: gtsam.Values) -> tuple[FloatArray, float]:
     """The error in standard deviations and its robust weight."""
     if not hasattr(factor, "unwhitenedError"):  # a linear container: its right-hand side is the negative error
         linear = factor.linearize(values)

@@ -5,52 +5,28 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from dataclasses import replace
+from typing import TypeVar
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, X, Z
 
-from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.aids import Aids
 from fbgraph.core.config import Config, GraphConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.graph import Graph, GraphBuilder, Node, Values, anchor_factors, closed_walk_factor
-from fbgraph.estimators.residuals import Residuals, factor_residuals
-from fbgraph.front_end.front_end import StepTrack
-from fbgraph.way_back.closures import Closure, closure_factor, find_closures, find_turn_back
-from fbgraph.way_back.turn_back import TurnBack
+from fbgraph.estimators.answers import Smoothed
+from fbgraph.estimators.graph import build_graph
+from fbgraph.estimators.residuals import factor_residuals
+from fbgraph.front_end.track import StepTrack
+from fbgraph.way_back.follower import find_closures
+from fbgraph.way_back.records import Closure, TurnBack
+from fbgraph.way_back.turn_back import find_turn_back
 
-Marginals = Any  # gtsam.Marginals
 Solved = TypeVar("Solved")
 _STACK_MIN, _STACK_PER_BREADCRUMB, _STACK_MAX = 64 << 20, 4096, 1 << 30
-
-
-@dataclass(frozen=True)
-class Smoothed:
-    """A smoothed walk and how the solver got there.
-
-    Attributes:
-        trajectory: with covariance.
-        errors: (I+1,) the graph's error (half the weighted sum of squares, robust) before the first of I iterations
-            and after each.
-        factors: number of factors in the graph.
-        residuals: of every factor at the solution, by kind.
-        closures: breadcrumbs tied to earlier ones.
-    """
-
-    trajectory: Trajectory
-    errors: FloatArray
-    factors: int
-    residuals: tuple[Residuals, ...]
-    closures: tuple[Closure, ...] = ()
-
-    @property
-    def iterations(self) -> int:
-        """Of the solver."""
-        return len(self.errors) - 1
 
 
 def smooth(
@@ -58,10 +34,7 @@ def smooth(
     seed: Trajectory,
     graph_config: GraphConfig,
     solver_config: SolverConfig,
-    anchors: Checkpoints | None = None,
-    t0_s: float = 0.0,
-    closed_walk: bool = False,
-    *,
+    aids: Aids | None = None,
     closures: Sequence[Closure] = (),
 ) -> Smoothed:
     """Smooth a walk.
@@ -70,16 +43,14 @@ def smooth(
         track: the steps.
         seed: where to start, near the answer: the EKF's trajectory.
         graph_config, solver_config: weights and limits.
-        anchors: known places; with them the result is in their frame, not at the origin.
-        t0_s: brings the track's times to the anchors' clock.
-        closed_walk: the walk is known to end where it began.
+        aids: with anchors the result is in their frame, not at the origin.
+        closures: breadcrumbs known to be at the places of earlier ones.
 
     Raises:
         EstimationError: the solver failed or its answer is not finite.
     """
-    graph, values = build(track, seed, graph_config, anchors, t0_s, closed_walk)
-    for closure in closures:
-        graph.push_back(closure_factor(closure))
+    aids = aids or Aids()
+    graph, values = build_graph(track, seed, graph_config, aids, closures)
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(solver_config.max_iterations)
     params.setRelativeErrorTol(solver_config.relative_error)
@@ -89,19 +60,18 @@ def smooth(
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
     error_initial = optimizer.error()
 
-    def solve() -> tuple[Values, Marginals]:
+    def solve() -> tuple[gtsam.Values, gtsam.Marginals]:
         result = optimizer.optimize()
         return result, gtsam.Marginals(graph, result)
 
     try:
-        result, marginals = on_deep_stack(solve, len(track))
+        result, marginals = _on_deep_stack(solve, len(track))
     except RuntimeError as error:
         raise EstimationError(f"the smoother failed: {str(error).strip().splitlines()[0]}") from error
     if not np.isfinite(optimizer.error()):
         raise EstimationError("the smoother diverged: its error is not finite")
-    anchored = anchors is not None and len(anchors) > 1
     return Smoothed(
-        trajectory=trajectory_of(track, result, marginals, graph_config, anchored),
+        trajectory=_trajectory_of(track, result, marginals, graph_config, aids.direction_known),
         errors=np.array([error_initial, *errors]),
         factors=graph.size(),
         residuals=factor_residuals(graph, result),
@@ -110,19 +80,13 @@ def smooth(
 
 
 def tie_way_back(
-    smoothed: Smoothed,
-    track: StepTrack,
-    seed: Trajectory,
-    config: Config,
-    anchors: Checkpoints | None = None,
-    t0_s: float = 0.0,
-    closed_walk: bool = False,
+    smoothed: Smoothed, track: StepTrack, seed: Trajectory, config: Config, aids: Aids | None = None
 ) -> tuple[Smoothed, TurnBack | None]:
     """Smooth a walk out and back once more, each stretch of the way back tied to the same stretch of the way out.
 
     Args:
         smoothed: the walk without closures.
-        track, seed, anchors, t0_s, closed_walk: as they were given to ``smooth``.
+        track, seed, aids: as they were given to ``smooth``.
         config: the effective configuration.
 
     Returns:
@@ -138,11 +102,10 @@ def tie_way_back(
     # who turned on the spot by more than half a circle between two steps is unwrapped as in the seed
     yaw_rad = seed.yaw_rad + wrap_angle(smoothed.trajectory.yaw_rad - seed.yaw_rad)
     near = replace(smoothed.trajectory, yaw_rad=yaw_rad)
-    tied = smooth(track, near, config.graph, config.solver, anchors, t0_s, closed_walk, closures=closures)
-    return tied, turned
+    return smooth(track, near, config.graph, config.solver, aids, closures), turned
 
 
-def on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
+def _on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
     """Run a solver where its recursion has room: GTSAM eliminates a chain as deep as it is long.
 
     Eight mebibytes, a usual stack, overflow at some 100,000 breadcrumbs, which ends the whole process.
@@ -155,38 +118,8 @@ def on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
         threading.stack_size(before)
 
 
-def build(
-    track: StepTrack,
-    seed: Trajectory,
-    config: GraphConfig,
-    anchors: Checkpoints | None = None,
-    t0_s: float = 0.0,
-    closed_walk: bool = False,
-) -> tuple[Graph, Values]:
-    """The graph of a whole walk and the first values of its nodes; arguments as in ``smooth``."""
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    builder = GraphBuilder(
-        config,
-        compass=bool(np.isfinite(track.yaw_mag_rad[1])),
-        free_origin=anchors is not None,
-        turned=anchors is not None and len(anchors) > 1,
-        aided=anchors is not None or closed_walk,
-    )
-    columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))
-    previous = None
-    for step, row in zip(track.steps, columns.tolist(), strict=True):
-        node = Node(*row)
-        builder.add(step, node, previous, graph, values)
-        previous = node
-    for factor in anchor_factors(anchors, t0_s, track.t_s, track.length_m, config) if anchors is not None else ():
-        graph.push_back(factor)
-    if closed_walk:
-        graph.push_back(closed_walk_factor(len(track) - 1, config))
-    return graph, values
-
-
-def trajectory_of(
-    track: StepTrack, result: Values, marginals: Marginals, config: GraphConfig, anchored: bool
+def _trajectory_of(
+    track: StepTrack, result: gtsam.Values, marginals: gtsam.Marginals, config: GraphConfig, anchored: bool
 ) -> Trajectory:
     """The breadcrumbs of a solved graph; ``anchored`` says that the walk's own scale and turn are known."""
     count = len(track)

@@ -6,76 +6,17 @@ same samples. Everything in it is therefore either element-wise or strictly sequ
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-
 import numpy as np
 from vqf import VQF
 
+from fbgraph.core.atmosphere import pressure_altitude_m
 from fbgraph.core.config import AttitudeConfig, DeviceConfig
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray, rotate, wrap_angle
 from fbgraph.core.log import SensorLog, Stream, empty_stream
+from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.front_end.windows import WindowMoments, _interp_columns, _IntervalMean
 
 _PRESSURE_MEDIAN = 5  # samples; rejects single outliers of slow barometers
-
-
-@dataclass(frozen=True)
-class LevelledSignals:
-    """Signals of a piece of walk on a uniform grid (silent where the inertial sensors were).
-
-    Attributes:
-        index: (N,) grid index; ``t_s = index / rate_hz``. Consecutive except across gaps.
-        acc_norm_m_s2: (N,) magnitude of specific force.
-        acc_n_m_s2: (N, 3) specific force in the levelled frame turned to face the walking direction: forward, left, up.
-        tilt_rate_rad_s: (N,) magnitude of the angular rate about horizontal axes: shaking, not turning.
-        yaw_gyro_rad: (N,) walking direction by the gyroscope alone, unwrapped, arbitrary start; its bias still in it.
-        yaw_mag_rad: (N,) walking direction by the compass, wrapped, nan where there is no magnetometer sample.
-        mag_norm_ut: (N,) strength of the field, nan where unknown.
-        mag_dip_rad: (N,) angle of the field below the horizon, nan where unknown.
-        altitude_m: (N,) by the standard atmosphere; nan before the first barometer sample.
-        still: (N,) whether the device has been standing still for the whole still window.
-    """
-
-    index: IntArray
-    t_s: FloatArray
-    acc_norm_m_s2: FloatArray
-    acc_n_m_s2: FloatArray
-    tilt_rate_rad_s: FloatArray
-    yaw_gyro_rad: FloatArray
-    yaw_mag_rad: FloatArray
-    mag_norm_ut: FloatArray
-    mag_dip_rad: FloatArray
-    altitude_m: FloatArray
-    still: BoolArray
-
-    def __len__(self) -> int:
-        return len(self.index)
-
-    def head(self, count: int) -> LevelledSignals:
-        """The first ``count`` samples."""
-        return LevelledSignals(*[getattr(self, name)[:count] for name in _SIGNALS])
-
-    def tail(self, count: int) -> LevelledSignals:
-        """The last ``count`` samples."""
-        start = max(len(self) - count, 0)
-        return LevelledSignals(*[getattr(self, name)[start:] for name in _SIGNALS])
-
-    @staticmethod
-    def concatenate(pieces: list[LevelledSignals]) -> LevelledSignals:
-        """Pieces in order as one."""
-        if len(pieces) == 1:
-            return pieces[0]
-        return LevelledSignals(*[np.concatenate([getattr(p, name) for p in pieces]) for name in _SIGNALS])
-
-
-_SIGNALS = tuple(f.name for f in fields(LevelledSignals))
-
-
-def pressure_altitude_m(pressure_hpa: FloatArray) -> FloatArray:
-    """Altitude in the ICAO standard atmosphere (only differences of it are used).
-
-    h = (T0 / L) (1 - (p / p0)^(R L / g)), ICAO Doc 7488; p in hPa, h in m.
-    """
-    return 44330.77 * (1.0 - (pressure_hpa / 1013.25) ** 0.190263)
 
 
 class Leveller:
@@ -234,98 +175,6 @@ class Leveller:
         self._altitude = _since(self._altitude, done_s)
 
 
-class _IntervalMean:
-    """Brings a stream to the grid as the mean over each grid interval, which keeps the integral exact.
-
-    The running integral of the stream (trapezoids) is interpolated at the grid times: for a gyroscope of any rate and
-    jitter the angle turned is the same before and after.
-    """
-
-    def __init__(self, width: int, max_gap_s: float) -> None:
-        self._max_gap_s = max_gap_s
-        self._last: FloatArray = np.empty((0, width))
-        self._t_s = np.empty(0)
-        self._integral = np.empty((0, width))
-        self._gap_before: BoolArray = np.empty(0, dtype=np.bool_)
-
-    @property
-    def empty(self) -> bool:
-        return len(self._t_s) == 0
-
-    @property
-    def first_s(self) -> float:
-        return float(self._t_s[0])
-
-    @property
-    def last_s(self) -> float:
-        return float(self._t_s[-1])
-
-    def push(self, stream: Stream) -> None:
-        if len(stream) == 0:
-            return
-        if self.empty:
-            t_s, values, carry = stream.t_s, stream.values, np.zeros((1, stream.values.shape[1]))
-            lead_gap = np.array([False])
-        else:
-            t_s = np.concatenate((self._t_s[-1:], stream.t_s))
-            values = np.concatenate((self._last, stream.values))
-            carry = self._integral[-1:]
-            lead_gap = np.empty(0, dtype=np.bool_)
-        dt_s = t_s[1:] - t_s[:-1]
-        area = 0.5 * (values[1:] + values[:-1]) * dt_s[:, None]
-        integral = np.cumsum(np.concatenate((carry, area)), axis=0)
-        if not self.empty:
-            t_s, integral = t_s[1:], integral[1:]
-        self._t_s = np.concatenate((self._t_s, t_s))
-        self._integral = np.concatenate((self._integral, integral))
-        self._gap_before = np.concatenate((self._gap_before, lead_gap, dt_s > self._max_gap_s))
-        self._last = stream.values[-1:]
-
-    def means(self, index: IntArray, dt_s: float) -> tuple[FloatArray, BoolArray]:
-        """(N, D) means over the grid interval that ends at each index, and (N,) whether no gap touches it."""
-        if len(index) == 0:
-            return np.empty((0, self._integral.shape[1])), np.empty(0, dtype=np.bool_)
-        ends = np.asarray(np.concatenate((index[:1] - 1, index)) * dt_s, dtype=np.float64)
-        at_ends = _interp_columns(ends, self._t_s, self._integral)
-        bracket = np.minimum(np.searchsorted(self._t_s, ends), len(self._t_s) - 1)
-        in_gap = self._gap_before[bracket]
-        return (at_ends[1:] - at_ends[:-1]) / dt_s, ~(in_gap[1:] | in_gap[:-1])
-
-    def forget(self, before_s: float) -> None:
-        start = max(int(np.searchsorted(self._t_s, before_s, side="right")) - 1, 0)
-        self._t_s, self._integral = self._t_s[start:], self._integral[start:]
-        self._gap_before = self._gap_before[start:]
-
-
-class WindowMoments:
-    """Mean and variance over a sliding window of samples, by differences of running sums."""
-
-    def __init__(self, width: int, window: int) -> None:
-        self._window = window
-        self._sums = np.zeros((1, 2 * width))
-        self._origin: FloatArray | None = None
-
-    def push(self, values: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
-        """(N, D) samples in; (N, D) mean, (N, D) variance and (N,) number of samples in the window out."""
-        width = values.shape[1]
-        if len(values) == 0:
-            return values, values, np.empty(0, dtype=np.int64)
-        if self._origin is None:
-            self._origin = values[0].copy()  # sums of deviations keep their digits for days
-        centred = values - self._origin
-        both = np.concatenate((centred, centred**2), axis=1)
-        sums = np.cumsum(np.concatenate((self._sums[-1:], both)), axis=0)[1:]
-        history = np.concatenate((self._sums, sums))
-        now = np.arange(len(self._sums), len(history), dtype=np.int64)
-        then = np.maximum(now - self._window, 0)
-        count = now - then
-        moments = (sums - history[then]) / count[:, None]
-        mean = moments[:, :width]
-        variance = np.maximum(moments[:, width:] - mean**2, 0.0)
-        self._sums = history[-self._window :]
-        return mean + self._origin, variance, count
-
-
 def _append(stream: Stream, more: Stream) -> Stream:
     if len(more) == 0:
         return stream
@@ -354,14 +203,6 @@ def _interpolate(stream: Stream, t_s: FloatArray, max_gap_s: float) -> FloatArra
     values = _interp_columns(t_s, stream.t_s, stream.values)
     values[~inside] = np.nan
     return values
-
-
-def _interp_columns(at_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:
-    """``np.interp`` for every column."""
-    out = np.empty((len(at_s), values.shape[1]))
-    for i in range(values.shape[1]):
-        out[:, i] = np.interp(at_s, t_s, values[:, i])
-    return out
 
 
 def _hold(stream: Stream, t_s: FloatArray) -> FloatArray:

@@ -22,16 +22,22 @@ from numpy.typing import NDArray
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
 from fbgraph.readers.base import LIMITS, MAX_T_NS, to_ns
 
 ASSUMED_RATE_HZ = 50
 CANONICAL = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa,temp_c,event"
 
-_G = 9.80665
-_DEG = float(np.pi / 180.0)
 UNITS: dict[str, dict[str, float]] = {  # to SI; time to nanoseconds; as plain names without "_"
-    "acc": {"g": _G, "mg": _G / 1000.0, "ms2": 1.0, "mss": 1.0, "mps2": 1.0},
-    "gyro": {"dps": _DEG, "degs": _DEG, "degsec": _DEG, "mdps": _DEG / 1000.0, "rads": 1.0, "radsec": 1.0},
+    "acc": {"g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 / 1000.0, "ms2": 1.0, "mss": 1.0, "mps2": 1.0},
+    "gyro": {
+        "dps": DEGREE_RAD,
+        "degs": DEGREE_RAD,
+        "degsec": DEGREE_RAD,
+        "mdps": DEGREE_RAD / 1000.0,
+        "rads": 1.0,
+        "radsec": 1.0,
+    },
     "mag": {"ut": 1.0, "nt": 1e-3, "mg": 0.1, "mgauss": 0.1, "gauss": 100.0},
     "pressure": {"hpa": 1.0, "mbar": 1.0, "pa": 0.01, "kpa": 10.0},
     "time": {"s": 1e9, "sec": 1e9, "secs": 1e9, "second": 1e9, "seconds": 1e9}
@@ -216,13 +222,13 @@ class Columns:
                     f"{name} has no unit in its name and a median norm of {middle['acc']:.4g}, neither g nor m/s²; "
                     f"put the unit into the header ({name}_g, {name}_ms2) or log raw acceleration"
                 )
-            factor, unit = (_G, "g") if middle["acc"] < 3.0 else (1.0, "m/s²")
+            factor, unit = (STANDARD_GRAVITY_M_S2, "g") if middle["acc"] < 3.0 else (1.0, "m/s²")
             assume("acc", f"median norm {middle['acc']:.3g}", factor, f"taken as {unit}")
         if "gyro" in middle and "gyro" not in scale:
             # Nobody turns at 10 rad/s for a tenth of a walk, or walks below 10 °/s; at rest M5's °/s is likelier.
             fast = float(np.percentile(norms["gyro"], 90))
             spread = np.percentile(norms["acc"], [25, 75]) * scale["acc"] if "acc" in middle else np.zeros(2)
-            factor, unit = (1.0, "rad/s") if fast < 10.0 and np.ptp(spread) > 1.0 else (_DEG, "°/s")
+            factor, unit = (1.0, "rad/s") if fast < 10.0 and np.ptp(spread) > 1.0 else (DEGREE_RAD, "°/s")
             assume("gyro", f"a tenth of the norms above {fast:.3g}", factor, f"taken as {unit}")
         if "mag" in middle and "mag" not in scale:
             factor, unit = 1.0, "µT"

@@ -80,7 +80,7 @@ def blueprint(entities: Collection[str], frame: Frame | None = None, active_tab:
         frame: what the map shows; all there is if None.
         active_tab: which tab is open.
     """
-    return arranged(rrb.Tabs(*tabs(entities, frame), active_tab=active_tab))
+    return arranged(rrb.Tabs(*question_tabs(entities, frame), active_tab=active_tab))
 
 
 def arranged(root: rrb.Tabs) -> rrb.Blueprint:
@@ -93,7 +93,9 @@ def arranged(root: rrb.Tabs) -> rrb.Blueprint:
     )
 
 
-def tabs(entities: Collection[str], frame: Frame | None, root: str = "", narrow: bool = False) -> list[rrb.Container]:
+def question_tabs(
+    entities: Collection[str], frame: Frame | None, root: str = "", narrow: bool = False
+) -> list[rrb.Container]:
     """One tab a question.
 
     Args:

@@ -9,15 +9,15 @@ import numpy as np
 
 from fbgraph.core.config import Config
 from fbgraph.core.log import SensorLog
-from fbgraph.estimators.ekf import run_ekf
-from fbgraph.estimators.online import Belief, OnlineSmoother
-from fbgraph.estimators.pdr import dead_reckon
-from fbgraph.front_end.leveller import LevelledSignals
+from fbgraph.estimators.answers import Belief
+from fbgraph.estimators.baselines import baselines
+from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.front_end.signals import LevelledSignals
 from fbgraph.recording.blueprint import blueprint
 from fbgraph.recording.recorder import Recorder
 from fbgraph.recording.writer import RrdWriter
 from fbgraph.run.result import WalkResult
-from fbgraph.way_back.matcher import ReturnUpdate
+from fbgraph.way_back.records import ReturnUpdate
 
 _CONFIRMED_S = 3.0  # steps are found this late at most
 _EVERY_S = 0.2  # of wall time: a viewer is sent what came since, however fast it comes
@@ -102,13 +102,12 @@ class LiveView:
                 self._recorder.wearer(held.head(known), track)
             self._held = [held.tail(len(held) - known)] if known < len(held) else []
         trajectories = {
-            "pdr": dead_reckon(track, self._config.step_length),
-            "ekf": run_ekf(track, self._config.ekf),
+            **baselines(track, self._config),
             "online": online,
         }
         for name, trajectory in trajectories.items():
             self._recorder.states(name, trajectory, first)
-            self._recorder.path(name, trajectory, first)
+            self._recorder.draw_path(name, trajectory, first)
         self._recorder.believed(self._beliefs)
         self._recorder.returned(self._returning, online)
         self._steps, self._beliefs, self._returning = len(track), [], []

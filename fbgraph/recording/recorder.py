@@ -1,7 +1,7 @@
 """What an analyst opens to see where a walk went and why it went wrong, as a file or live in a viewer.
 
 Entities
-    ``world/…``, ``map/…``, ``geo/…``: places, see ``fbgraph.recording.scene``. ``sensors/…``: the raw streams. ``state/…``: what
+    ``world/…``, ``map/…``, ``geo/…``: places, see ``scene``. ``sensors/…``: the raw streams. ``state/…``: what
     the estimators say at each breadcrumb, beside what it was made from, with ±2σ bands. ``lanes/…``: what went on when.
     ``uncertainty_m/…``, ``error_m/…``, ``legs/…``: how sure, and where truth is known how wrong. ``residuals/…`` and
     ``weights/…``: what each factor of the graph still has to complain about, and what its robust loss left it.
@@ -27,14 +27,14 @@ from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.log import SensorLog
 from fbgraph.core.palette import AXIS_COLORS, COLORS, LABELS
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.online import Belief
-from fbgraph.front_end.front_end import StepTrack
-from fbgraph.front_end.leveller import LevelledSignals
+from fbgraph.estimators.answers import Belief
+from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.front_end.track import StepTrack
 from fbgraph.recording import scene
 from fbgraph.recording.blueprint import blueprint
 from fbgraph.recording.scene import FAINT, MOST_LABELS, SIGMAS, ordered
 from fbgraph.recording.writer import Rgba, RrdWriter
-from fbgraph.run.findings import (
+from fbgraph.run.lanes import (
     ARRIVED,
     DOUBTED,
     MOVING,
@@ -50,11 +50,11 @@ from fbgraph.run.findings import (
     returning_lane,
     wearer_lane,
 )
-from fbgraph.run.folder import score_label
 from fbgraph.run.metrics import checkpoint_errors, leg_errors
 from fbgraph.run.result import WalkResult
-from fbgraph.way_back.legs import way
-from fbgraph.way_back.matcher import ReturnUpdate
+from fbgraph.run.scores import score_label
+from fbgraph.way_back.legs import directions_of
+from fbgraph.way_back.records import ReturnUpdate
 from fbgraph.way_back.texts import as_text
 
 _ACC_NORM_HZ = 20.0  # of |acc| beside the steps; the raw stream has every sample
@@ -95,7 +95,7 @@ class Recorder:
         self._yaw_s = self._yaw_rad = self._shown_rad = np.zeros(1)
         self._acc_s = self._acc = np.zeros(0)
         self._lanes: dict[str, str | None] = {}
-        scene.begin(rrd)
+        scene.draw_axes(rrd)
 
     def clock(self, trajectory: Trajectory) -> None:
         """The trajectory whose steps and distances are the timelines, and beside whose headings others are shown."""
@@ -185,9 +185,9 @@ class Recorder:
                 z_m = trajectory.z_m[first:]
                 rrd.series(f"state/altitude_m/{name}", t_s, z_m, label, color, max_gap_s=_PAUSE_S)
 
-    def path(self, name: str, trajectory: Trajectory, first: int = 0) -> None:
+    def draw_path(self, name: str, trajectory: Trajectory, first: int = 0) -> None:
         """The places of an estimator, new ones from ``first`` on."""
-        scene.path(self._rrd, name, trajectory, first)
+        scene.draw_path(self._rrd, name, trajectory, first)
 
     def believed(self, beliefs: Sequence[Belief]) -> None:
         """What the online smoother took the walk to be."""
@@ -198,7 +198,7 @@ class Recorder:
         if not updates:
             return
         rrd, t_s = self._rrd, np.array([update.t_s for update in updates])
-        scene.matched(rrd, updates, online)
+        scene.draw_matches(rrd, updates, online)
         blue, red = COLORS["return"], COLORS["sensor"]
         remaining = np.array([update.remaining_m for update in updates])
         rrd.series("return/remaining_m", t_s, remaining, ["left to the start"], [blue])
@@ -222,7 +222,7 @@ class Recorder:
         self._lane("known_places", places_lane(result), _PLACE_COLORS)
         self._way_back(result)
         scores = {name: float(np.sqrt((error_m**2).mean())) for name, (_, error_m) in errors.items()}
-        frame = scene.finished(rrd, result, scores)
+        frame = scene.draw_finished(rrd, result, scores)
         self._beliefs.finish(rrd, result.smoothed.trajectory)
         self.arranged = blueprint(rrd.entities, frame, active_tab)
 
@@ -293,17 +293,20 @@ class Recorder:
 
     def _way_back(self, result: WalkResult) -> None:
         """Where the way back leads, and how it is told."""
-        log, compass = result.log, len(result.log.mag) > 0 or (result.anchors is not None and len(result.anchors) > 1)
+        log, compass = (
+            result.log,
+            len(result.log.mag) > 0 or (result.told.anchors is not None and len(result.told.anchors) > 1),
+        )
         events = [(event.t_s, event.label) for event in log.events]
         walked = result.smoothed.trajectory
         if result.turn_back is not None and result.returning:  # the wearer has gone back already: that way
             walked = walked.until(result.turn_back.breadcrumb)
         try:
-            there = way(walked, events, None, result.config.graph, log.name, compass)
+            there = directions_of(walked, events, None, result.config.graph, log.name, compass)
         except DataError:  # a walk that leads nowhere
             return
         back = there.reversed()
-        scene.way_back(self._rrd, back)
+        scene.draw_way_back(self._rrd, back)
         listed = as_text(back).replace("\n\n", "\n\n\n")
         self._rrd.fixed("return/instructions", rr.TextDocument(listed, media_type=rr.MediaType.MARKDOWN))
 
@@ -316,8 +319,8 @@ class Recorder:
                 rrd.series(
                     f"error_m/{name}_at", t_s, error_m, [LABELS[name]], [COLORS[name]], width=3.0, points=_CIRCLE
                 )
-            assert result.truth is not None  # there are errors
-            legs = leg_errors(result.trajectories[name], result.truth, result.log.t0_s)
+            assert result.told.truth is not None  # there are errors
+            legs = leg_errors(result.trajectories[name], result.told.truth, result.log.t0_s)
             edges_s = np.append(legs.start_s, legs.end_s[-1:])
             for what, values in (
                 ("length_percent", 100.0 * legs.length_rel),
@@ -401,14 +404,14 @@ def _graph_markdown(result: WalkResult) -> str:
 
 def _errors(result: WalkResult) -> dict[str, tuple[FloatArray, FloatArray]]:
     """By estimator: times and horizontal errors at the truth's checkpoints, aligned as in scoring."""
-    if result.truth is None:
+    if result.told.truth is None:
         return {}
-    t_s = result.truth.t_s - result.log.t0_s
+    t_s = result.told.truth.t_s - result.log.t0_s
     errors = {}
     for name, trajectory in ordered(result):
-        _, alignment = score_label(name, result.anchors is not None, result.closed_walk)
+        _, alignment = score_label(name, result.told.anchors is not None, result.told.closed_walk)
         try:
-            error_m = checkpoint_errors(trajectory, result.truth, result.log.t0_s, alignment)
+            error_m = checkpoint_errors(trajectory, result.told.truth, result.log.t0_s, alignment)
         except DataError:  # truth of another log; who scores complains, the recording shows what there is
             continue
         errors[name] = (t_s[len(t_s) - len(error_m) :], error_m)

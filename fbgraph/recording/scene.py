@@ -12,18 +12,18 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
+from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.palette import COLORS, LABELS
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.graph import anchor_breadcrumbs
-from fbgraph.estimators.online import Belief
+from fbgraph.estimators.answers import Belief
 from fbgraph.recording.blueprint import Frame
 from fbgraph.recording.writer import RrdWriter
-from fbgraph.run.findings import DOUBTED, compass_lane
-from fbgraph.run.folder import score_label
+from fbgraph.run.lanes import DOUBTED, compass_lane
 from fbgraph.run.result import ESTIMATORS, WalkResult
-from fbgraph.way_back.legs import Way
-from fbgraph.way_back.matcher import ReturnUpdate
+from fbgraph.run.scores import score_label
+from fbgraph.way_back.legs import Directions
+from fbgraph.way_back.records import ReturnUpdate
 
 SIGMAS = 2.0  # of ellipses and bands
 FAINT = 110  # opacity, of 255, of bands and ellipses
@@ -37,13 +37,15 @@ _WIDTHS = {"smoothed": 2.0}
 _WIDTH = 1.2
 
 
-def begin(rrd: RrdWriter) -> None:
+def draw_axes(rrd: RrdWriter) -> None:
     """The axes."""
     rrd.fixed("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     rrd.fixed("map", rr.Transform3D(scale=(1.0, -1.0, 1.0)))
 
 
-def path(rrd: RrdWriter, name: str, trajectory: Trajectory, first: int = 0, shift_m: FloatArray | None = None) -> None:
+def draw_path(
+    rrd: RrdWriter, name: str, trajectory: Trajectory, first: int = 0, shift_m: FloatArray | None = None
+) -> None:
     """A trajectory as it is known now, and where it was at each breadcrumb from ``first`` on.
 
     Args:
@@ -103,7 +105,7 @@ class Beliefs:
             rrd.moving_line("believed/settled", end_s, [smoothed.xy_m[:2]], (*COLORS["online"], FAINT), 2.0)
 
 
-def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Frame:
+def draw_finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Frame:
     """What is known once a walk is over; returns what the map must show.
 
     Args:
@@ -114,7 +116,7 @@ def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Fr
     smoothed = result.smoothed.trajectory
     places = xyz(smoothed)
     seen = [places]
-    if result.truth is not None and len(result.truth):
+    if result.told.truth is not None and len(result.told.truth):
         known = truth_places(result)
         dense = len(known) > MOST_LABELS  # a track rather than checkpoints
         rrd.lines("truth/path", [known], COLORS["truth"], 2.0 if dense else 1.0)
@@ -123,7 +125,7 @@ def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Fr
         seen.append(known)
     for name, trajectory in ordered(result):
         shift_m = _shift_m(result, name)
-        path(rrd, name, trajectory, len(trajectory) if f"map/{name}/path" in rrd.entities else 0, shift_m)
+        draw_path(rrd, name, trajectory, len(trajectory) if f"map/{name}/path" in rrd.entities else 0, shift_m)
         seen.append(xyz(trajectory) + shift_m)
     rrd.points("smoothed/breadcrumbs", places, None, COLORS["smoothed"], 2.5)
     if smoothed.cov_xy_yaw is not None:
@@ -136,14 +138,15 @@ def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Fr
     if result.smoothed.closures:
         edges = [places[[closure.j, closure.i]] for closure in result.smoothed.closures]
         rrd.lines("closures", edges, COLORS["closure"], 2.0)
-    if result.closed_walk:
+    if result.told.closed_walk:
         rrd.lines("smoothed/closed_walk", [places[[-1, 0]]], COLORS["anchor"], 3.0)
         rrd.points("smoothed/closed_end", places[[0]], None, COLORS["anchor"], 8.0)
     _times(rrd, smoothed)
     _events(rrd, result)
-    if result.anchors is not None and len(result.anchors):
-        crumbs = anchor_breadcrumbs(result.anchors, result.log.t0_s, result.track.t_s)
-        fixes = np.column_stack((result.anchors.xy_m, smoothed.z_m[crumbs]))
+    anchors = result.aids.anchors
+    if anchors is not None and len(anchors):
+        crumbs = anchor_breadcrumbs(anchors, result.track.t_s)
+        fixes = np.column_stack((anchors.xy_m, smoothed.z_m[crumbs]))
         rrd.points("anchors/places", fixes, None, COLORS["anchor"], 8.0)  # a ring about a checkpoint
         edges = [np.array(ends) for ends in zip(fixes, places[crumbs], strict=True)]
         rrd.lines("anchors/edges", edges, COLORS["anchor"], 1.5)
@@ -156,7 +159,7 @@ def finished(rrd: RrdWriter, result: WalkResult, scores: dict[str, float]) -> Fr
     return frame
 
 
-def way_back(rrd: RrdWriter, back: Way) -> None:
+def draw_way_back(rrd: RrdWriter, back: Directions) -> None:
     """The legs of the way back, its turns numbered as in its instructions."""
     legs = [np.array(leg.points_m) for leg in back.legs]
     rrd.lines("return/legs", legs, COLORS["return"], 2.0)
@@ -165,7 +168,7 @@ def way_back(rrd: RrdWriter, back: Way) -> None:
     rrd.points("return/turns", corners, labels, COLORS["truth"], 6.0)
 
 
-def matched(rrd: RrdWriter, updates: Sequence[ReturnUpdate], online: Trajectory) -> None:
+def draw_matches(rrd: RrdWriter, updates: Sequence[ReturnUpdate], online: Trajectory) -> None:
     """From where the wearer was believed to be to the breadcrumb of the way out that this is."""
     t_s = np.array([update.t_s for update in updates])
     strips = [online.xy_m[[update.k, update.breadcrumb]] for update in updates]
@@ -189,14 +192,14 @@ def truth_places(result: WalkResult) -> FloatArray:
     Surveyed heights are rarely on the barometer's datum, and floors are no metres: each is shown at the height of the
     trajectory.
     """
-    assert result.truth is not None  # the caller asked
-    z_m = result.smoothed.trajectory.at(result.truth.t_s - result.log.t0_s)[:, 2]
-    return np.column_stack((result.truth.xy_m + result.truth_shift_m, z_m))
+    assert result.told.truth is not None  # the caller asked
+    z_m = result.smoothed.trajectory.at(result.told.truth.t_s - result.log.t0_s)[:, 2]
+    return np.column_stack((result.told.truth.xy_m + result.truth_shift_m, z_m))
 
 
 def _shift_m(result: WalkResult, name: str) -> FloatArray:
     """(3,) what brings a trajectory to the smoothed one's start, if anchors took that one away from the origin."""
-    if result.anchors is None or name == "smoothed":
+    if result.told.anchors is None or name == "smoothed":
         return np.zeros(3)
     return np.asarray(xyz(result.smoothed.trajectory)[0] - xyz(result.trajectories[name])[0])
 
@@ -246,7 +249,7 @@ def _legend(rrd: RrdWriter, frame: Frame, scores: dict[str, float], result: Walk
     for name, _ in ordered(result):
         text = LABELS[name]
         if name in scores:
-            label, _ = score_label(name, result.anchors is not None, result.closed_walk)
+            label, _ = score_label(name, result.told.anchors is not None, result.told.closed_walk)
             text += f"{'' if label == 'unaided' else f' ({label})'}: {scores[name]:.1f} m RMSE"
         known.append((name, text))
     extras = (
@@ -297,7 +300,7 @@ def _globe(rrd: RrdWriter, result: WalkResult) -> None:
     end = where.geodetic_deg(result.smoothed.trajectory.xy_m[-1:])
     radii = rr.Radius.ui_points(8.0)
     rrd.fixed("geo/smoothed/end", rr.GeoPoints(lat_lon=end, colors=[COLORS["smoothed"]], radii=radii))
-    if result.truth is not None and len(result.truth):
+    if result.told.truth is not None and len(result.told.truth):
         known = where.geodetic_deg(truth_places(result)[:, :2])
         radii = rr.Radius.ui_points(5.0)
         rrd.fixed("geo/truth/checkpoints", rr.GeoPoints(lat_lon=known, colors=[COLORS["truth"]], radii=radii))

@@ -14,9 +14,9 @@ from rerun.chunk import Chunk, RrdReader
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.recording.blueprint import Frame, arranged, tabs
+from fbgraph.recording.blueprint import Frame, arranged, question_tabs
 from fbgraph.recording.writer import RrdWriter
-from fbgraph.run.folder import read_summary
+from fbgraph.run.reading import read_summary
 
 RECORDING = "recording.rrd"
 
@@ -59,7 +59,8 @@ def compare(paths: Sequence[Path], out: Path) -> None:
         rrd.copy(chunks, name)
     frame = replace(Frame.around(np.concatenate(seen)), legend=False)
     columns = {
-        name: {str(tab.name): tab for tab in tabs(entities[name], frame, f"/{name}", narrow=True)} for name in names
+        name: {str(tab.name): tab for tab in question_tabs(entities[name], frame, f"/{name}", narrow=True)}
+        for name in names
     }
     questions = list(dict.fromkeys(question for column in columns.values() for question in column))
     views = (

@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fbgraph.core.geometry import BoolArray, FloatArray, wrap_angle
-from fbgraph.estimators.field import FieldMemory
-from fbgraph.estimators.graph import anchor_breadcrumbs
-from fbgraph.front_end.front_end import StepTrack
-from fbgraph.front_end.leveller import LevelledSignals
+from fbgraph.core.checkpoints import anchor_breadcrumbs
+from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.run.lanes import _HALF, MOVING, compass_trust, stretches, wearer_lane
 from fbgraph.run.metrics import leg_errors
 from fbgraph.run.result import WalkResult
-from fbgraph.way_back.matcher import ReturnUpdate
 
-Lane = list[tuple[float, str | None]]
-"""Changes of state in order of time: since when (seconds), what; None is nothing to tell."""
-
-STANDING, WALKING, MOVING = "standing still", "walking", "moving, no steps"
-TRUSTED, DOUBTED = "consistent", "doubted"
-ON_ROUTE, OFF_ROUTE, ARRIVED = "way back", "off route", "arrived"
-
-_HALF = 0.5  # of the usual pull; a compass that is left less is doubted
-_SHORT_STEPS = 2  # a stretch of fewer is not worth telling
-_BRIDGED_STEPS = 3  # and a break of fewer does not end one
 _PAUSE_S = 3.0  # walking without a step for longer is told
-_SHOWN_S = 1.0  # how long a moment is shown
-_BLINK_S = 1.0  # a shorter stretch of neither standing nor walking is neither's end
 _SLOW, _FAST = 0.7, 1.4  # of the usual step frequency
 _SAME_HEIGHT_M = 0.5  # passes of one place that differ by more in altitude are told
 _MOST = 5  # stretches of one kind that are told
@@ -44,108 +28,7 @@ class Finding:
     text: str
 
 
-def wearer_lane(signals: LevelledSignals, track: StepTrack, still_window_s: float) -> Lane:
-    """What the wearer did: ``STANDING``, ``WALKING``, ``MOVING`` (by hand or foot, but no steps were found).
-
-    Args:
-        signals: for how long to tell.
-        track: the steps.
-        still_window_s: how long before it is known standing still begins.
-    """
-    t_s = signals.t_s
-    if len(t_s) == 0:
-        return []
-
-    def covered(start_s: FloatArray, end_s: FloatArray) -> BoolArray:
-        """Which samples lie in any of these stretches."""
-        edges = np.zeros(len(t_s) + 1, dtype=np.int64)
-        np.add.at(edges, np.searchsorted(t_s, start_s), 1)
-        np.add.at(edges, np.searchsorted(t_s, end_s), -1)
-        return np.asarray(np.cumsum(edges)[:-1] > 0)
-
-    rate_hz = 1.0 / np.median(np.diff(t_s)) if len(t_s) > 1 else 1.0
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], signals.still, [False])).astype(int)))
-    # stillness is known at the end of its window
-    still = covered(t_s[edges[::2]] - still_window_s, t_s[edges[1::2] - 1] + 1.0 / rate_hz)
-    walking = covered(track.start_s[1:], track.t_s[1:])
-    state = np.where(walking, 2, np.where(still, 1, 0))
-    names = (MOVING, STANDING, WALKING)
-    lane: Lane = []
-    at = np.flatnonzero(np.diff(state, prepend=-1))
-    for i, end in zip(at, [*at[1:], len(t_s)], strict=True):
-        blink = lane and state[i] == 0 and end - i < _BLINK_S * rate_hz
-        if not blink and (not lane or lane[-1][1] != names[state[i]]):
-            lane.append((float(t_s[i]), names[state[i]]))
-    return lane
-
-
-def compass_inflation(result: WalkResult) -> FloatArray:
-    """(K+1,) by what the field's deviation multiplied the compass variance at each step; nan without a compass."""
-    graph = result.config.graph
-    memory = FieldMemory(graph.norm_scale_ut, graph.dip_scale_rad)
-    steps = result.track.steps
-    return np.array([memory.inflation(step) if np.isfinite(step.yaw_mag_rad) else np.nan for step in steps])
-
-
-def compass_trust(result: WalkResult) -> FloatArray:
-    """(K+1,) share of its usual pull that the smoother left the compass at each step; nan without a compass.
-
-    The field's deviation from its recent usual divides it (``compass_inflation``), the robust loss multiplies it.
-    """
-    weight = np.ones(len(result.track))
-    for residuals in result.smoothed.residuals:
-        if residuals.name == "compass":
-            weight[residuals.k] = residuals.weight
-    return np.asarray(weight / compass_inflation(result))
-
-
-def stretches(flags: BoolArray) -> list[tuple[int, int]]:
-    """First and last index of runs of true flags; short breaks are bridged, single flags dropped."""
-    at = np.flatnonzero(flags)
-    if len(at) == 0:
-        return []
-    runs = np.split(at, np.flatnonzero(np.diff(at) > _BRIDGED_STEPS) + 1)
-    return [(int(run[0]), int(run[-1])) for run in runs if len(run) >= _SHORT_STEPS]
-
-
-def compass_lane(result: WalkResult) -> Lane:
-    """Where the smoother believed the compass, and where it left it less than half its pull."""
-    trust = compass_trust(result)
-    known = np.flatnonzero(np.isfinite(trust))
-    if len(known) == 0:
-        return []
-    t_s = result.track.t_s
-    lane: Lane = [(float(result.track.start_s[known[0]]), TRUSTED)]
-    for first, last in stretches(trust < _HALF):
-        lane += [(float(result.track.start_s[first]), DOUBTED), (float(t_s[last]), TRUSTED)]
-    return [*lane, (float(t_s[known[-1]]), None)]
-
-
-def places_lane(result: WalkResult) -> Lane:
-    """When the walk was told where it was: at anchors, where it met itself, and at its end if that is its start."""
-    track, lane = result.track, []
-    told = [("closed walk", len(track) - 1)] if result.closed_walk else []
-    told += [("closure", closure.j) for closure in result.smoothed.closures]
-    if result.anchors is not None:
-        told += [("anchor", k) for k in anchor_breadcrumbs(result.anchors, result.log.t0_s, track.t_s).tolist()]
-    for name, k in sorted(told, key=lambda one: one[1]):
-        lane += [(float(track.start_s[k]), name), (float(track.t_s[k]) + _SHOWN_S, None)]
-    return lane
-
-
-def returning_lane(updates: Sequence[ReturnUpdate]) -> Lane:
-    """On the way back: ``ON_ROUTE``, ``OFF_ROUTE``, ``ARRIVED``."""
-    lane: Lane = []
-    for update in updates:
-        state = OFF_ROUTE if update.off_route else ON_ROUTE
-        if update.arrived or (lane and lane[-1][1] == ARRIVED):
-            state = ARRIVED
-        if not lane or lane[-1][1] != state:
-            lane.append((update.t_s, state))
-    return lane
-
-
-def find(result: WalkResult) -> list[Finding]:
+def walk_findings(result: WalkResult) -> list[Finding]:
     """Everything worth telling of a walk, in order of time; of each kind the longest stretches only."""
     kinds = (_compass(result), _steps(result), _gaps(result), _places(result), _truth(result))
     chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
@@ -222,10 +105,10 @@ def _places(result: WalkResult) -> list[Finding]:
         kind.name: dict(zip(kind.k.tolist(), kind.weight.tolist(), strict=True)) for kind in result.smoothed.residuals
     }
     told: list[tuple[str, int, FloatArray]] = []
-    if result.anchors is not None:
-        crumbs = anchor_breadcrumbs(result.anchors, result.log.t0_s, track.t_s).tolist()
-        told += [("anchor", k, place) for k, place in zip(crumbs, result.anchors.xy_m, strict=True)]
-    if result.closed_walk:
+    if (anchors := result.aids.anchors) is not None:
+        crumbs = anchor_breadcrumbs(anchors, track.t_s).tolist()
+        told += [("anchor", k, place) for k, place in zip(crumbs, anchors.xy_m, strict=True)]
+    if result.told.closed_walk:
         told.append(("closed walk", len(smoothed) - 1, smoothed.xy_m[0]))
     found = []
     if closures := result.smoothed.closures:
@@ -252,7 +135,7 @@ def _places(result: WalkResult) -> list[Finding]:
 
 def _truth(result: WalkResult) -> list[Finding]:
     """Where truth is known: whether the smoothed walk is as sure as it may be, and what its error is made of."""
-    truth, smoothed = result.truth, result.smoothed.trajectory
+    truth, smoothed = result.told.truth, result.smoothed.trajectory
     sigma_m = smoothed.longest_sigma_m
     if truth is None or len(truth) < 2 or sigma_m is None:
         return []

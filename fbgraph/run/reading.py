@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.trajectory import Trajectory, read_tum
-from fbgraph.run.folder import BREADCRUMB_HEADER, read_summary
+from fbgraph.run.folder import BREADCRUMB_HEADER, RAW
 from fbgraph.run.result import ESTIMATORS
-from fbgraph.way_back.legs import Way, way
+from fbgraph.run.scores import score_entry, score_label
+from fbgraph.way_back.legs import Directions, directions_of
 
 
 def read_breadcrumbs(path: Path) -> Trajectory:
@@ -85,7 +88,7 @@ def read_georeference(summary: dict[str, Any], source: str) -> Georeference | No
         raise DataError(f"{source}: its georeference is not lat_deg and lon_deg in degrees") from error
 
 
-def read_way(run: Path, estimator: str = "smoothed", pace_m: float | None = None) -> Way:
+def read_directions(run: Path, estimator: str = "smoothed", pace_m: float | None = None) -> Directions:
     """The way of a run folder in walking order, with the landmarks of its log.
 
     Raises:
@@ -100,4 +103,36 @@ def read_way(run: Path, estimator: str = "smoothed", pace_m: float | None = None
     anchored = estimator == "smoothed" and summary.get("anchors", 0) > 1  # in the anchors' own frame
     compass = anchored or summary["log"].get("samples", {}).get("mag", 1) > 0
     name = f"{summary['log']['name']} ({estimator})"
-    return way(trajectory, read_events(summary), pace_m, graph, name, compass)
+    return directions_of(trajectory, read_events(summary), pace_m, graph, name, compass)
+
+
+def read_summary(run: Path) -> dict[str, Any]:
+    """The summary of a run folder.
+
+    Raises:
+        DataError: not a run folder.
+    """
+    try:
+        summary = json.loads((run / "summary.json").read_text("utf-8"))
+        return {**summary, "log": summary["log"], "estimators": summary["estimators"]}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        if (run / RAW).is_file():
+            raise DataError(
+                f"{run}: a live walk that has not ended; `fbgraph online --source … --resume {run}` goes on with it"
+            ) from error
+        raise DataError(f"{run}: not a run folder (no readable summary.json); `fbgraph smooth` makes one") from error
+
+
+def score_run(run: Path, truth: Checkpoints) -> dict[str, Any]:
+    """Score every trajectory of a run folder; by estimator, as in ``summary.json``.
+
+    Raises:
+        DataError: not a run folder, or truth that does not belong to it.
+    """
+    summary = read_summary(run)
+    scores = {}
+    for name in summary["estimators"]:
+        trajectory = read_tum(run / f"{name}.tum")
+        label, alignment = score_label(name, bool(summary.get("anchors")), bool(summary.get("closed_walk")))
+        scores[name] = score_entry(trajectory, truth, 0.0, label, alignment)
+    return scores

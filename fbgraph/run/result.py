@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.aids import Aids, Told
 from fbgraph.core.config import Config
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.log import SensorLog
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.online import Belief
-from fbgraph.estimators.smoother import Smoothed
-from fbgraph.front_end.front_end import StepTrack
-from fbgraph.front_end.leveller import LevelledSignals
-from fbgraph.way_back.matcher import ReturnUpdate
-from fbgraph.way_back.turn_back import TurnBack
+from fbgraph.estimators.answers import Belief, Smoothed
+from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.front_end.track import StepTrack
+from fbgraph.run.inputs import RunInputs
+from fbgraph.way_back.records import ReturnUpdate, TurnBack
 
 ESTIMATORS = ("pdr", "ekf", "smoothed", "online")
 """Names of trajectories, in the order in which they are shown."""
@@ -36,11 +33,8 @@ class WalkResult:
         track: the steps all estimators worked on.
         trajectories: by estimator name, in the order of ``ESTIMATORS``; those that were run.
         smoothed: the smoother's account of itself.
-        truth: known places, for scoring and showing only; on the clock ``t_s + log.t0_s``.
-        anchors: known places that entered the graph.
-        closed_walk: whether the smoother was told that the walk ends where it began.
+        told: truth (for scoring and showing only), anchors, a closed end; on the clock ``t_s + log.t0_s``.
         seconds: wall time by stage.
-        origin: where on Earth the walk began, if the user said so.
         beliefs: what the online smoother took the walk to be, at times while it was walked.
         inputs: what was read and asked for, so that the run can be made again.
         turn_back: where the way out ended, if that is known.
@@ -53,15 +47,17 @@ class WalkResult:
     track: StepTrack
     trajectories: dict[str, Trajectory]
     smoothed: Smoothed
-    truth: Checkpoints | None = None
-    anchors: Checkpoints | None = None
-    closed_walk: bool = False
+    told: Told = field(default_factory=Told)
     seconds: dict[str, float] = field(default_factory=dict)
-    origin: Georeference | None = None
     beliefs: tuple[Belief, ...] = ()
-    inputs: Mapping[str, Any] = field(default_factory=dict)
+    inputs: RunInputs = field(default_factory=RunInputs)
     turn_back: TurnBack | None = None
     returning: tuple[ReturnUpdate, ...] = ()
+
+    @property
+    def aids(self) -> Aids:
+        """What the smoother was told, its anchors in seconds since log start."""
+        return self.told.aids(self.log.t0_s)
 
     @property
     def truth_shift_m(self) -> FloatArray:
@@ -69,19 +65,20 @@ class WalkResult:
 
         Anchors have already brought the walk into the truth's frame; then it is zero, as it is without truth.
         """
-        if self.truth is None or self.anchors is not None or len(self.truth) == 0:
+        truth = self.told.truth
+        if truth is None or self.told.anchors is not None or len(truth) == 0:
             return np.zeros(2)
-        first = self.smoothed.trajectory.at(self.truth.t_s[:1] - self.log.t0_s)[0, :2]
-        return np.asarray(first - self.truth.xy_m[0])
+        first = self.smoothed.trajectory.at(truth.t_s[:1] - self.log.t0_s)[0, :2]
+        return np.asarray(first - truth.xy_m[0])
 
     @property
     def georeference(self) -> Georeference | None:
         """Where on Earth the world frame lies: by the user, by anchors, else (to show, never to estimate) by truth."""
         smoothed = self.smoothed.trajectory
-        if self.origin is not None:
-            return self.origin.moved(-float(smoothed.x_m[0]), -float(smoothed.y_m[0]))
-        for places in (self.anchors, self.truth):
+        if self.told.origin is not None:
+            return self.told.origin.moved(-float(smoothed.x_m[0]), -float(smoothed.y_m[0]))
+        for places in (self.told.anchors, self.told.truth):
             if places is not None and places.georeference is not None:
-                dx_m, dy_m = (0.0, 0.0) if places is self.anchors else self.truth_shift_m.tolist()
+                dx_m, dy_m = (0.0, 0.0) if places is self.told.anchors else self.truth_shift_m.tolist()
                 return places.georeference.moved(-dx_m, -dy_m)
         return None

@@ -14,16 +14,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fbgraph.core.atmosphere import altitude_pressure_hpa, pressure_altitude_m
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
-from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.errors import ConfigError
 from fbgraph.core.geometry import FloatArray, IntArray, rotate
 from fbgraph.core.log import Event, SensorLog, Stream
+from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
 from fbgraph.simulator.gait import Motion, Walk, Walker, check_options, plan_walk
 from fbgraph.simulator.routes import Route
-
-GRAVITY_M_S2 = 9.80665
-_G, _DEG = GRAVITY_M_S2, float(np.pi / 180.0)
-M5STICKC_HEADER = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa,temp_c,event"
 
 
 @dataclass(frozen=True)
@@ -82,9 +80,17 @@ class Inertial:
 class SensorErrors:
     """What is wrong with the sensors; standard deviations unless said otherwise."""
 
-    acc: Inertial = Inertial(100e-6 * _G * 235.0**0.5, 0.01 * _G, 2e-5, 0.003, 8.0 * _G)
+    acc: Inertial = Inertial(
+        100e-6 * STANDARD_GRAVITY_M_S2 * 235.0**0.5,
+        0.01 * STANDARD_GRAVITY_M_S2,
+        2e-5,
+        0.003,
+        8.0 * STANDARD_GRAVITY_M_S2,
+    )
     """100 µg/√Hz over the noise bandwidth of the 218 Hz low-pass, 15 mm/s²; bias 10 mg."""
-    gyro: Inertial = Inertial(0.004 * _DEG * 177.0**0.5, 0.5 * _DEG, 0.002 * _DEG, 0.003, 2000.0 * _DEG)
+    gyro: Inertial = Inertial(
+        0.004 * DEGREE_RAD * 177.0**0.5, 0.5 * DEGREE_RAD, 0.002 * DEGREE_RAD, 0.003, 2000.0 * DEGREE_RAD
+    )
     """0.004 °/s/√Hz over the noise bandwidth of the 176 Hz low-pass, 0.05 °/s; bias 0.5 °/s,
     0.12 °/s more after an hour; scale within ±1 %."""
     mag_noise_ut: float = 0.4
@@ -135,7 +141,7 @@ class Environment:
     @property
     def field_n(self) -> FloatArray:
         """(3,) the Earth's field in µT, world frame."""
-        dip, declination = self.dip_deg * _DEG, self.declination_deg * _DEG
+        dip, declination = self.dip_deg * DEGREE_RAD, self.declination_deg * DEGREE_RAD
         level = np.cos(dip)
         return self.field_ut * np.array([level * np.sin(declination), level * np.cos(declination), -np.sin(dip)])
 
@@ -348,13 +354,14 @@ def _record(
     at_acc, at_gyro = motion.device(read_s), motion.device(read_s + noise * errors.gyro_delay_s)
     to_h = at_acc.quat_wxyz * (1.0, -1.0, -1.0, -1.0)
     to_b = device.h_r_b.as_matrix()  # of row vectors: v_h @ h_r_b = b_r_h v_h
-    acc = rotate(to_h, at_acc.accel_n + np.array([0.0, 0.0, GRAVITY_M_S2])) @ to_b
+    acc = rotate(to_h, at_acc.accel_n + np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])) @ to_b
     gyro = at_gyro.rate_h @ to_b
     mag_rows = _rows_with_news(read_s, device.mag_rate_hz)
     field_n = options.environment.field_n + irons.field_n(at_acc.xyz_m[mag_rows])
     mag = rotate(to_h[mag_rows], field_n) @ to_b
     air_rows = _rows_with_news(read_s, device.pressure_rate_hz)
-    pressure = _air_pressure_hpa(at_acc.xyz_m[air_rows, 2], options.environment.pressure_hpa)
+    start_m = pressure_altitude_m(options.environment.pressure_hpa)
+    pressure = altitude_pressure_hpa(start_m + at_acc.xyz_m[air_rows, 2])
     if noise > 0:
         acc = _measured(acc, errors.acc, noise, device.rate_hz, acc_rng)
         gyro = _measured(gyro, errors.gyro, noise, device.rate_hz, gyro_rng)
@@ -396,78 +403,9 @@ def _rounded(values: FloatArray, step: float) -> FloatArray:
     return np.asarray(np.round(values / step) * step if step else values)
 
 
-def _air_pressure_hpa(z_m: FloatArray, start_hpa: float) -> FloatArray:
-    """Standard atmosphere (ICAO Doc 7488), from the pressure at z = 0."""
-    start_m = 44330.77 * (1.0 - (start_hpa / 1013.25) ** 0.190263)
-    return np.asarray(1013.25 * (1.0 - (start_m + z_m) / 44330.77) ** (1.0 / 0.190263))
-
-
 def _weather(t_s: FloatArray, rng: np.random.Generator) -> FloatArray:
     """(N,) a slow drift, 0 at the start, of amplitude about 1."""
     drift = np.zeros(len(t_s))
     for period_s, phase in zip(rng.uniform(1200.0, 10_800.0, 3), rng.uniform(0.0, 2.0 * np.pi, 3), strict=True):
         drift += (np.sin(2.0 * np.pi * t_s / period_s + phase) - np.sin(phase)) / 3.0**0.5
     return drift
-
-
-def write_m5stickc_csv(log: SensorLog, path: Path) -> None:
-    """Write a log as an M5StickC logger does; fields of a slower sensor are empty where it has no new sample.
-
-    There is no thermometer in a ``SensorLog``, so ``temp_c`` stays empty. Digits go well below any sensor's resolution.
-
-    Raises:
-        DataError: accelerometer and gyroscope are not stamped alike, so that they do not make rows.
-        OSError: the file cannot be written.
-    """
-    if not np.array_equal(log.acc.t_s, log.gyro.t_s):
-        raise DataError(f"{log.name}: accelerometer and gyroscope have clocks of their own; cannot write them in rows")
-    rows = len(log.acc)
-    times = log.acc.t_s
-    compass, air, marks = [",,"] * rows, [""] * rows, [""] * rows
-    for row, vector in zip(_nearest_rows(times, log.mag.t_s), log.mag.values.tolist(), strict=True):
-        compass[row] = "{:.4f},{:.4f},{:.4f}".format(*vector)
-    for row, (value,) in zip(_nearest_rows(times, log.pressure.t_s), log.pressure.values.tolist(), strict=True):
-        air[row] = f"{value:.5f}"
-    for row, event in zip(_nearest_rows(times, np.array([e.t_s for e in log.events])), log.events, strict=True):
-        text = f"{marks[row]} {event.label}".strip().replace('"', "'")
-        marks[row] = f'"{text}"' if "," in text else text
-    t_ms = (times + log.t0_s) * 1000.0
-    whole = bool(np.abs(t_ms - np.round(t_ms)).max(initial=0.0) < 1e-3)
-    inertial = np.column_stack((t_ms, log.acc.values / _G, log.gyro.values / _DEG)).tolist()
-    line = ("%.0f" if whole else "%.3f") + ",%.6f" * 6 + ",%s,%s,,%s\n"
-    with open(path, "w", encoding="utf-8", newline="") as out:
-        out.write(M5STICKC_HEADER + "\n")
-        out.writelines(line % (*row, m, p, e) for row, m, p, e in zip(inertial, compass, air, marks, strict=True))
-
-
-def _nearest_rows(times_s: FloatArray, t_s: FloatArray) -> list[int]:
-    after = np.clip(np.searchsorted(times_s, t_s), 1, len(times_s) - 1)
-    nearer_before = t_s - times_s[after - 1] < times_s[after] - t_s
-    return [int(row) for row in after - nearer_before]
-
-
-def write_truth_csv(walk: SimulatedWalk, path: Path, rate_hz: float = 10.0) -> None:
-    """Write ``t_s,x_m,y_m,z_m,yaw_rad,step,length_m,turn_rad``; ``t_s`` on the event clock, as in the log's ``t_ms``.
-
-    Rows at ``rate_hz``, one more for every step (with its number, from 1, and its length) and every turn (with its
-    angle); ``read_checkpoints`` reads it.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    every = max(1, round(1.0 / (rate_hz * (walk.t_s[1] - walk.t_s[0]))))
-    grid = np.column_stack((walk.t_s, walk.x_m, walk.y_m, walk.z_m, walk.yaw_rad))[::every]
-    yaw_at = [np.interp(t_s, walk.t_s, walk.yaw_rad) for t_s in (walk.steps.t_s, walk.turns.t_s)]
-    turn_z = np.interp(walk.turns.t_s, walk.t_s, walk.z_m)
-    steps = np.column_stack((walk.steps.t_s, walk.steps.xyz_m, yaw_at[0]))
-    turns = np.column_stack((walk.turns.t_s, walk.turns.x_m, walk.turns.y_m, turn_z, yaw_at[1]))
-    labels = [",,"] * len(grid)
-    labels += [f"{k},{length:.4f}," for k, length in enumerate(walk.steps.length_m.tolist(), 1)]
-    labels += [f",,{angle:.6f}" for angle in walk.turns.angle_rad.tolist()]
-    table = np.concatenate((grid, steps, turns))
-    table[:, 0] += walk.log.t0_s
-    order = np.argsort(table[:, 0], kind="stable").tolist()
-    rows = table.tolist()
-    with open(path, "w", encoding="utf-8", newline="") as out:
-        out.write("t_s,x_m,y_m,z_m,yaw_rad,step,length_m,turn_rad\n")
-        out.writelines("{:.4f},{:.5f},{:.5f},{:.5f},{:.6f},{}\n".format(*rows[i], labels[i]) for i in order)

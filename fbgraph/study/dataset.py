@@ -12,8 +12,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from fbgraph.core.config import ColumnsConfig, DatasetConfig
 from fbgraph.core.errors import DataError
+from fbgraph.study.layout import ColumnsConfig, DatasetConfig
 from fbgraph.study.trial import Table, Trial, find_columns, read_trial
 
 
@@ -26,12 +26,14 @@ class Dataset:
         trials: in natural order of their names.
         skipped: name and reason of every table that could not be used.
         simulated: how the trials were simulated, as they say themselves; empty for real ones.
+        layout: by which they were read.
     """
 
     source: str
     trials: tuple[Trial, ...]
     skipped: tuple[tuple[str, str], ...]
     simulated: str
+    layout: DatasetConfig
 
 
 def read_dataset(path: Path, config: DatasetConfig, most: int | None = None) -> Dataset:
@@ -73,7 +75,7 @@ def read_dataset(path: Path, config: DatasetConfig, most: int | None = None) -> 
         more = f" (and {len(skipped) - 1} more tables)" if len(skipped) > 1 else ""
         raise DataError(f"{path}: no usable trial. {skipped[0][0]}: {skipped[0][1]}{more}")
     simulated = next((remark.partition(", trial")[0] for remark in remarks if remark.startswith("simulated")), "")
-    return Dataset(str(path), tuple(trials), tuple(skipped), simulated)
+    return Dataset(str(path), tuple(trials), tuple(skipped), simulated, config)
 
 
 def _reason(error: DataError, name: str) -> str:

@@ -21,10 +21,11 @@ import numpy as np
 from fbgraph.core.config import Config
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.front_end import StepTrack
-from fbgraph.front_end.leveller import LevelledSignals
+from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.front_end.track import StepTrack
 from fbgraph.study.calibration import StepModel
 from fbgraph.study.comparison import Comparison
+from fbgraph.study.layout import DatasetConfig
 from fbgraph.study.trial import Path2D, Trial, Turns, walking_direction
 
 LABELS = {
@@ -118,6 +119,7 @@ class StudyResult:
         source: the data set.
         simulated: how it was simulated; empty for a real one.
         config: effective, with the fitted parameters.
+        layout: of the data set.
         model: the fit on all trials; ``held_out_models`` leave one trial out each.
         trials: results.
         skipped: name and reason of each trial or table that could not be used.
@@ -128,6 +130,7 @@ class StudyResult:
     source: str
     simulated: str
     config: Config
+    layout: DatasetConfig
     model: StepModel
     held_out_models: tuple[StepModel, ...]
     trials: tuple[TrialResult, ...]

@@ -18,6 +18,7 @@ from fbgraph import __version__
 from fbgraph.core.config import dump_toml
 from fbgraph.study.comparison import CONFIDENCE, RESAMPLES, Overall, Paired
 from fbgraph.study.figures import draw
+from fbgraph.study.layout import dump_layout
 from fbgraph.study.protocol import LABELS, MATCH_S, MIN_TURN_RAD, TURN_S, StudyResult
 from fbgraph.study.recording import write_study_recording
 
@@ -68,7 +69,7 @@ def write_report(
     _write_table_csv(result, folder / "table.csv")
     _write_trials_csv(result, folder / "trials.csv")
     remark = f"# {result.simulated}\n" if result.simulated else ""
-    (folder / "config.toml").write_text(remark + dump_toml(result.config), "utf-8")
+    (folder / "config.toml").write_text(remark + _configuration(result), "utf-8")
     (folder / "summary.json").write_text(json.dumps(summary(result), indent=2, allow_nan=False) + "\n", "utf-8")
     progress("recording", 0.0)
     images = {name: png for name, (png, _) in pictures.items()}
@@ -238,6 +239,11 @@ def _pair_row(pair: Paired) -> list[str]:
     ]
 
 
+def _configuration(result: StudyResult) -> str:
+    """What ``--config`` takes back: everything that decided this study."""
+    return f"{dump_toml(result.config)}\n{dump_layout(result.layout)}"
+
+
 def _parameters(result: StudyResult) -> list[list[str]]:
     rows = []
     names = (("λ", "lambda_sigma", ""), ("L0", "constant_m", " m"), ("α", "alpha_m", " m"), ("β", "beta_m_s", " m/Hz"))
@@ -280,5 +286,5 @@ def _html(result: StudyResult, pictures: dict[str, tuple[bytes, str]], command: 
         seconds=seconds,
         fbgraph=__version__,
         versions={name: version(name) for name in _PACKAGES},
-        config=dump_toml(result.config),
+        config=_configuration(result),
     )

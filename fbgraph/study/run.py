@@ -18,15 +18,16 @@ import numpy as np
 from fbgraph.core.config import Config
 from fbgraph.core.errors import ConfigError, DataError, FbgraphError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.estimators.ekf import run_ekf
+from fbgraph.core.whole_writes import whole_folder
+from fbgraph.estimators.baselines import baselines
 from fbgraph.estimators.online import OnlineSmoother
-from fbgraph.estimators.pdr import dead_reckon
 from fbgraph.estimators.smoother import smooth
-from fbgraph.front_end.front_end import StepTrack, detect_steps
-from fbgraph.run.folder import whole_folder
+from fbgraph.front_end.front_end import detect_steps
+from fbgraph.front_end.track import StepTrack
 from fbgraph.study.calibration import LAMBDAS, Evidence, StepModel, evidence, fit, map_offset_rad
 from fbgraph.study.comparison import Comparison, Overall, current_of, interval_of_mean, paired
 from fbgraph.study.dataset import Dataset, read_dataset
+from fbgraph.study.layout import DatasetConfig
 from fbgraph.study.protocol import (
     LABELS,
     MethodResult,
@@ -111,6 +112,7 @@ def run_study(dataset: Dataset, config: Config, progress: Progress = lambda stag
         source=dataset.source,
         simulated=dataset.simulated,
         config=model.apply(config),
+        layout=dataset.layout,
         model=model,
         held_out_models=tuple(held_out_models),
         trials=tuple(results),
@@ -140,16 +142,15 @@ def _run_trial(trial: Trial, turns: Turns, config: Config) -> tuple[TrialResult,
         EstimationError: a solver failed.
     """
     track, signals = detect_steps(trial.log, config)
-    ekf = run_ekf(track, config.ekf)
+    compared = baselines(track, config)
     online = OnlineSmoother(config)
     online.feed(trial.log)
     finished = online.finish().trajectory
     trajectories = {
-        "pdr": dead_reckon(track, config.step_length),
-        "ekf": ekf,
+        **compared,
         "online": online.causal,  # each step as it was known when it was made
         "finished": finished,
-        "smoothed": smooth(track, ekf, config.graph, config.solver).trajectory,
+        "smoothed": smooth(track, compared["ekf"], config.graph, config.solver).trajectory,
     }
     methods: dict[str, MethodResult] = {
         f"logged_{method}": score_logged(trial, turns, method, track) for method in LOGGED if method in trial.logged
@@ -238,6 +239,7 @@ def study_files(
     source: str,
     out: Path,
     config: Config,
+    layout: DatasetConfig,
     seed: int = 1,
     count: int | None = None,
     command: str = "",
@@ -249,6 +251,7 @@ def study_files(
         source: a data set's path, or ``SIMULATED``.
         out: the folder; an earlier study there is replaced.
         config: the effective configuration.
+        layout: of the data set.
         seed: of the simulation.
         count: how many trials; 36 or all if None.
         command: what was typed, for the report.
@@ -272,10 +275,10 @@ def study_files(
                 progress("simulate", number / (count or TRIALS))
                 write_trial(walk, folder / "trials" / f"{name}.csv", remark)
             # read back what was written, so that the written trials give the very same study
-            dataset = replace(read_dataset(folder / "trials", config.dataset), source=SIMULATED)
+            dataset = replace(read_dataset(folder / "trials", layout), source=SIMULATED)
         else:
             progress("read", 0.0)
-            dataset = read_dataset(Path(source), config.dataset, count)
+            dataset = read_dataset(Path(source), layout, count)
         result = run_study(dataset, config, progress)
         write_report(result, folder, command, began, progress)
     return result

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fbgraph.core.config import ColumnsConfig, DatasetConfig
+from fbgraph.core.atmosphere import altitude_pressure_hpa
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.log import SensorLog
 from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, assemble, to_ns
 from fbgraph.readers.columns import UNITS, Columns, Rows, plain_name
 from fbgraph.readers.m5stickc import drop_repeats
+from fbgraph.study.layout import ColumnsConfig, DatasetConfig
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -225,9 +226,8 @@ def _log(
         values["pressure"] = numbers("pressure")[:, None]
     elif "altitude" in found:
         altitude_m = numbers("altitude") * _METRES.get(found["altitude"][1], 1.0)
-        # the standard atmosphere of ``attitude.pressure_altitude_m``, backwards
         where["pressure"], units["pressure"] = (found["altitude"][0],), "hpa"
-        values["pressure"] = 1013.25 * (1.0 - altitude_m[:, None] / 44330.77) ** (1.0 / 0.190263)
+        values["pressure"] = altitude_pressure_hpa(altitude_m[:, None])
     scale = {}
     if "time" in found:
         where["time"], units["time"] = (found["time"][0],), found["time"][1]

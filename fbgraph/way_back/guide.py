@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
 import numpy as np
 
 from fbgraph.core.config import Config
 from fbgraph.core.log import Event
-from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.online import Update
-from fbgraph.front_end.front_end import Step
-from fbgraph.way_back.closures import Closure, ClosureMaker
-from fbgraph.way_back.matcher import Match, ReturnUpdate, RouteMatcher
+from fbgraph.core.trajectory import Breadcrumb, Trajectory
+from fbgraph.front_end.track import Step
+from fbgraph.way_back.follower import RouteFollower
+from fbgraph.way_back.records import Closure, Crumb, Match, ReturnUpdate, TurnBack
 from fbgraph.way_back.texts import turn_text
-from fbgraph.way_back.turn_back import Crumb, TurnBack, TurnBackDetector, reversal
+from fbgraph.way_back.turn_back import TurnBackDetector, reversal
 from fbgraph.way_back.turns import Turn, find_turns
-from fbgraph.way_back.way_out import Outbound, field_of, gap_before_s, level_length_m
+from fbgraph.way_back.way_out import Outbound, level_length_m
 
-RETURN_HEADER = "t_s,breadcrumb,breadcrumb_t_s,route_m,remaining_m,cross_track_m,instruction,off_route"
 _SOON_M = 15.0  # a turn further away is not announced yet
 _HERE_M = 1.5
 _AHEAD_RAD = math.radians(45.0)
@@ -53,7 +50,7 @@ class ReturnGuide:
         self._steps: list[Step] = []
         self._yaws: list[float] = []
         self._walked_m = 0.0
-        self._matcher: RouteMatcher | None = None
+        self._follower: RouteFollower | None = None
         self._arrived = False
         self._wrong_way_m = 0.0
         self.updates: list[ReturnUpdate] = []
@@ -67,7 +64,7 @@ class ReturnGuide:
             self._events_s.extend(event.t_s for event in events)
 
     def advance(
-        self, update: Update, step: Step, estimate: Callable[[], Trajectory]
+        self, update: Breadcrumb, step: Step, estimate: Callable[[], Trajectory]
     ) -> tuple[ReturnUpdate | None, list[Closure]]:
         """Take the next breadcrumb; return what to tell the wearer and the graph.
 
@@ -80,7 +77,7 @@ class ReturnGuide:
         self._yaws.append(update.yaw_rad)
         self._walked_m += level_length_m(step, self._length)
         told = len(self.updates)
-        closures = self._begin(update, step, estimate) if self._matcher is None else self._follow(update.k, tell=True)
+        closures = self._begin(update, step, estimate) if self._follower is None else self._follow(update.k, tell=True)
         return (self.updates[-1] if len(self.updates) > told else None), closures
 
     def warnings(self) -> list[str]:
@@ -94,7 +91,7 @@ class ReturnGuide:
         last_s = f"{self._steps[-1].t_s:.1f} s" if self._steps else "never"
         return [f"--return-at {self._at_s:g}: later than the last step ({last_s}), so there was no way back to guide"]
 
-    def _begin(self, update: Update, step: Step, estimate: Callable[[], Trajectory]) -> list[Closure]:
+    def _begin(self, update: Breadcrumb, step: Step, estimate: Callable[[], Trajectory]) -> list[Closure]:
         """Whether the way back has begun with this step; if so, catch up with it."""
         k = update.k
         if self._mode == "auto":
@@ -117,8 +114,7 @@ class ReturnGuide:
         turned = self.turn_back.breadcrumb
         self.outbound = outbound = Outbound.of(known, self._steps, self._length, turned)
         self._turns = _turns_back(known, turned, outbound)
-        self._matcher = RouteMatcher(outbound, self._config)
-        self._maker = ClosureMaker(outbound, self._config)
+        self._follower = RouteFollower(outbound, self._length, self._config)
         found: list[Closure] = []
         for j in range(turned + 1, k + 1):
             self._yaws[j] = float(known.yaw_rad[j])
@@ -126,16 +122,13 @@ class ReturnGuide:
         return found
 
     def _follow(self, k: int, tell: bool) -> list[Closure]:
-        assert self._matcher is not None  # the way back has begun
-        step, yaw_rad = self._steps[k], self._yaws[k]
-        level_m = level_length_m(step, self._length)
-        gap_s = gap_before_s(self._steps, k)
-        match = self._matcher.advance(step.length_m, level_m, yaw_rad, field_of(step), step.altitude_m, gap_s)
+        assert self._follower is not None  # the way back has begun
+        step = self._steps[k]
+        match, closure = self._follower.advance(self._steps, k, self._yaws[k])
         wrong_way = not match.facing_back and not match.off_route
         self._wrong_way_m = self._wrong_way_m + step.length_m if wrong_way else 0.0
         if tell:
             self.updates.append(self._told(k, step, match))
-        closure = self._maker.advance(k, step.length_m, match)
         if closure is None:
             return []
         self.closures.append(closure)
@@ -147,7 +140,7 @@ class ReturnGuide:
         here = not match.off_route and remaining_m <= self._config.arrived_m
         arrived = here and not self._arrived
         self._arrived |= here
-        words = instruction(match, turn, remaining_m, self._wrong_way_m, arrived)
+        words = next_instruction(match, turn, remaining_m, self._wrong_way_m, arrived)
         if self._arrived and not arrived:
             words = ""  # nothing more to say
         outbound = self.outbound
@@ -169,7 +162,7 @@ class ReturnGuide:
         )
 
 
-def instruction(
+def next_instruction(
     match: Match, turn: tuple[float, float] | None, remaining_m: float, wrong_way_m: float, arrived: bool
 ) -> str:
     """The next thing to do, in a sentence.
@@ -207,14 +200,3 @@ def _turns_back(known: Trajectory, last: int, outbound: Outbound) -> list[tuple[
     columns = (known.t_s, known.x_m, known.y_m, known.z_m, known.yaw_rad, known.gyro_bias_rad_s)
     turns: list[Turn] = find_turns(Trajectory(*(column[:n] for column in columns)))
     return [(float(outbound.route_m[turn.breadcrumb]), -turn.angle_rad) for turn in reversed(turns)]
-
-
-def write_returns(path: Path, updates: Iterable[ReturnUpdate], t0_s: float) -> None:
-    """Write ``return.csv``, a row a step of the way back; times on the format's event clock, as in the TUM files."""
-    with open(path, "w", encoding="utf-8", newline="") as out:
-        out.write(RETURN_HEADER + "\n")
-        for u in updates:
-            out.write(
-                f"{u.t_s + t0_s:.6f},{u.breadcrumb},{u.breadcrumb_t_s + t0_s:.6f},{u.route_m:.3f},{u.remaining_m:.3f},"
-                f'{u.cross_track_m:.3f},"{u.instruction}",{str(u.off_route).lower()}\n'
-            )

@@ -85,7 +85,7 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Way:
+class Directions:
     """Legs in the order in which they are to be walked.
 
     Attributes:
@@ -122,20 +122,20 @@ class Way:
         """Distance to go after a leg."""
         return math.fsum(leg.length_m for leg in self.legs[index + 1 :])
 
-    def reversed(self) -> Way:
+    def reversed(self) -> Directions:
         """The way back; exact, so that twice is the way itself."""
         return replace(self, legs=tuple(leg.reversed() for leg in reversed(self.legs)), back=not self.back)
 
 
-def way(
+def directions_of(
     trajectory: Trajectory,
     landmarks: Iterable[tuple[float, str]] = (),
     pace_m: float | None = None,
     graph: GraphConfig | None = None,
     name: str = "walk",
     compass: bool = True,
-) -> Way:
-    """A walk as legs between its turns, in walking order; ``way(...).reversed()`` leads back.
+) -> Directions:
+    """A walk as legs between its turns, in walking order; ``directions_of(...).reversed()`` leads back.
 
     Args:
         trajectory: the breadcrumbs.
@@ -181,7 +181,7 @@ def way(
     cov = trajectory.cov_xy_yaw
     ends = None if cov is None else sum(math.sqrt(cov[k, 0, 0] + cov[k, 1, 1]) for k in (0, -1))
     sigma_m = ends if ends is not None and math.isfinite(ends) else None
-    return Way(name, tuple(legs), pace_m or median_m, sigma_m, compass)
+    return Directions(name, tuple(legs), pace_m or median_m, sigma_m, compass)
 
 
 def leg_sigmas(

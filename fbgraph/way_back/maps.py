@@ -13,14 +13,16 @@ import numpy as np
 
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.georeference import Georeference
-from fbgraph.way_back.legs import Way
+from fbgraph.way_back.legs import Directions
 from fbgraph.way_back.texts import Units, arrival_text, as_csv, as_json, as_text, instructions, leg_rows
 
-WAY_FORMATS = ("text", "json", "geojson", "gpx", "csv")
+DIRECTION_FORMATS = ("text", "json", "geojson", "gpx", "csv")
 
 
-def format_way(way: Way, format_: str, units: Units = "metric", origin: Georeference | None = None) -> str:
-    """A way in one of ``WAY_FORMATS``.
+def format_directions(
+    way: Directions, format_: str, units: Units = "metric", origin: Georeference | None = None
+) -> str:
+    """A way in one of ``DIRECTION_FORMATS``.
 
     Raises:
         ConfigError: a map without an origin, or no such format.
@@ -34,12 +36,12 @@ def format_way(way: Way, format_: str, units: Units = "metric", origin: Georefer
         if not way.compass:
             raise ConfigError(f"{format_}: the log has no magnetometer, so where North is nobody knows")
         return as_gpx(way, origin, units) if format_ == "gpx" else as_geojson(way, origin, units)
-    if format_ not in WAY_FORMATS:
-        raise ConfigError(f"unknown format {format_!r}: expected one of {', '.join(WAY_FORMATS)}")
+    if format_ not in DIRECTION_FORMATS:
+        raise ConfigError(f"unknown format {format_!r}: expected one of {', '.join(DIRECTION_FORMATS)}")
     return {"text": as_text, "json": as_json, "csv": as_csv}[format_](way, units)
 
 
-def as_geojson(way: Way, origin: Georeference, units: Units = "metric") -> str:
+def as_geojson(way: Directions, origin: Georeference, units: Units = "metric") -> str:
     """A line a leg with what the JSON says of it, and a point for each end and landmark."""
     features = []
     for row, leg in zip(leg_rows(way, units), way.legs, strict=True):
@@ -53,7 +55,7 @@ def as_geojson(way: Way, origin: Georeference, units: Units = "metric") -> str:
     return json.dumps({"type": "FeatureCollection", "features": features}, indent=1, ensure_ascii=False) + "\n"
 
 
-def as_gpx(way: Way, origin: Georeference, units: Units = "metric") -> str:
+def as_gpx(way: Directions, origin: Georeference, units: Units = "metric") -> str:
     """A route with an instruction a point, a track of every breadcrumb, and waypoints for landmarks."""
     from gpxpy import gpx as xml  # here, because only GPX needs it
 
@@ -83,7 +85,7 @@ def _lon_lat(origin: Georeference, points_m: Iterable[tuple[float, ...]]) -> lis
     return [[round(lon_deg, 7), round(lat_deg, 7)] for lat_deg, lon_deg in lat_lon_deg.tolist()]
 
 
-def _landmarks(way: Way) -> list[tuple[str, tuple[float, float]]]:
+def _landmarks(way: Directions) -> list[tuple[str, tuple[float, float]]]:
     """Label and place of every landmark of the way."""
     found: list[tuple[str, tuple[float, float]]] = []
     for leg in way.legs:

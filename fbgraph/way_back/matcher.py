@@ -14,12 +14,12 @@ of the route that the wearer comes near, in its direction, may be where it is me
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from fbgraph.core.config import ReturnConfig
 from fbgraph.core.geometry import BoolArray, FloatArray, wrap_scalar
+from fbgraph.way_back.records import Match
 from fbgraph.way_back.way_out import Outbound
 
 _BIN_M = 0.25
@@ -37,31 +37,6 @@ _OUTWARD = 0.1  # who walks back along the route is told so as long as that is t
 _ANYWHERE = 0.03  # once lost, a step's chance to be anywhere near
 _ALONG_RAD = math.radians(50.0)
 _ALONG_M = 2.5  # walked along the route before it counts as met again
-
-
-@dataclass(frozen=True, slots=True)
-class Match:
-    """Where the wearer is along the route.
-
-    Attributes:
-        route_m: distance along the route (of its breadcrumbs).
-        sigma_m: its standard deviation.
-        breadcrumb: the nearest breadcrumb of the route.
-        cross_m: distance of the wearer from the route there, positive if to the left of it as seen walking back.
-        off_route: the wearer left the corridor and has not come back.
-        facing_back: the wearer walks back along the route rather than out.
-        bearing_rad: direction to the route as the wearer faces, positive to the left.
-        steady_m: how far the route has been followed back without doubt.
-    """
-
-    route_m: float
-    sigma_m: float
-    breadcrumb: int
-    cross_m: float
-    off_route: bool
-    facing_back: bool
-    bearing_rad: float
-    steady_m: float
 
 
 class RouteMatcher:
@@ -256,37 +231,3 @@ def _tailed(squared: FloatArray) -> FloatArray:
 def _on_grid(grid: FloatArray, at: FloatArray, values: FloatArray) -> FloatArray:
     known = np.isfinite(values)
     return np.interp(grid, at[known], values[known]) if known.any() else np.full(len(grid), np.nan)
-
-
-@dataclass(frozen=True, slots=True)
-class ReturnUpdate:
-    """What is told at a step of the way back.
-
-    Attributes:
-        t_s: time of the step, seconds since log start.
-        k: its breadcrumb.
-        breadcrumb, breadcrumb_t_s: the breadcrumb of the way out that the wearer is at, and when it was dropped.
-        route_m: how far along the way out that breadcrumb lies.
-        remaining_m: distance left to the start, along the route.
-        cross_track_m: distance from the route, positive if to the left of it as seen walking back.
-        next_turn_m, next_turn_rad: distance to the next turn and its angle, left positive; None if only the start is
-            ahead.
-        sigma_m: standard deviation of the place along the route.
-        off_route: the wearer left the route.
-        arrived: the start is reached; true once.
-        instruction: what to do next.
-    """
-
-    t_s: float
-    k: int
-    breadcrumb: int
-    breadcrumb_t_s: float
-    route_m: float
-    remaining_m: float
-    cross_track_m: float
-    next_turn_m: float | None
-    next_turn_rad: float | None
-    sigma_m: float
-    off_route: bool
-    arrived: bool
-    instruction: str

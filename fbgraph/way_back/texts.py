@@ -9,7 +9,7 @@ import math
 from typing import Any, Literal
 
 from fbgraph.core.geometry import heading_deg
-from fbgraph.way_back.legs import MIN_CLIMB_M, Climb, Leg, Way
+from fbgraph.way_back.legs import MIN_CLIMB_M, Climb, Directions, Leg
 
 Units = Literal["metric", "steps"]
 
@@ -81,7 +81,7 @@ def instruction(
     return ", ".join(parts) + "."
 
 
-def landmarks_at(way: Way, corner: int) -> str:
+def landmarks_at(way: Directions, corner: int) -> str:
     """The landmarks at the beginning of a leg, or with ``corner == len(way.legs)`` at the end, quoted; or nothing."""
     near_m = _NEAR_STEPS * way.pace_m
     before = way.legs[corner - 1].landmarks if corner > 0 else ()
@@ -91,7 +91,7 @@ def landmarks_at(way: Way, corner: int) -> str:
     return ", ".join(f"“{label}”" for label in dict.fromkeys(labels))
 
 
-def instructions(way: Way, units: Units = "metric") -> list[str]:
+def instructions(way: Directions, units: Units = "metric") -> list[str]:
     """A sentence a leg, and the arrival."""
     kept: dict[str, Any] = {"back": way.back, "compass": way.compass}
     sentences = [
@@ -101,13 +101,13 @@ def instructions(way: Way, units: Units = "metric") -> list[str]:
     return [*sentences, arrival_text(way)]
 
 
-def arrival_text(way: Way) -> str:
+def arrival_text(way: Directions) -> str:
     """The last sentence."""
     at = landmarks_at(way, len(way.legs))
     return f"You are {'back at the start' if way.back else 'at the end of the walk'}{f', at {at}' if at else ''}."
 
 
-def as_text(way: Way, units: Units = "metric") -> str:
+def as_text(way: Directions, units: Units = "metric") -> str:
     """For reading: a numbered instruction a leg, with what is left after it and how far to trust it."""
     turns = len(way.legs) - 1
     lines = [
@@ -129,7 +129,7 @@ def as_text(way: Way, units: Units = "metric") -> str:
     return "\n".join([*lines, "", f"{len(way.legs) + 1:3d}. {arrival}"]) + "\n"
 
 
-def as_json(way: Way, units: Units = "metric") -> str:
+def as_json(way: Directions, units: Units = "metric") -> str:
     """Everything about the way; angles in degrees, ``turn_deg`` positive to the left, ``end_m`` in the world frame."""
     *_, arrival = instructions(way, units)
     return (
@@ -152,7 +152,7 @@ def as_json(way: Way, units: Units = "metric") -> str:
     )
 
 
-def as_csv(way: Way, units: Units = "metric") -> str:
+def as_csv(way: Directions, units: Units = "metric") -> str:
     """One row a leg; several landmarks in one cell, separated by ``; ``."""
     out = io.StringIO()
     table = csv.DictWriter(out, _CSV_COLUMNS, extrasaction="ignore", lineterminator="\n")
@@ -164,7 +164,7 @@ def as_csv(way: Way, units: Units = "metric") -> str:
     return out.getvalue()
 
 
-def leg_rows(way: Way, units: Units = "metric") -> list[dict[str, Any]]:
+def leg_rows(way: Directions, units: Units = "metric") -> list[dict[str, Any]]:
     """What JSON, CSV and maps say of each leg."""
     return [
         {

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from fbgraph.core.config import ReturnConfig, StepLengthConfig
 from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.front_end.track import StepTrack
+from fbgraph.way_back.records import Crumb, TurnBack
+from fbgraph.way_back.way_out import level_length_m
 
 _GRID_M = 0.5
 _SLACK_M = 3.0  # steps lost, or made on the spot, while turning
@@ -17,33 +21,6 @@ _REVERSED_SHARE = 0.85
 _YAW_M = 1.5  # a radian counts like so many metres
 _LATELY_M, _LATELY_RAD = 2.5, math.radians(30.0)
 _LATE_M, _LATE_LEAST_M = 15.0, 1.2
-
-
-@dataclass(frozen=True, slots=True)
-class TurnBack:
-    """The wearer turned back.
-
-    Attributes:
-        breadcrumb: the last one of the way out.
-        t_s: its time, seconds since log start.
-        known_s: time of the step with which it became known.
-    """
-
-    breadcrumb: int
-    t_s: float
-    known_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Crumb:
-    """What the search looks at: time, place, direction, distance walked as if on the level."""
-
-    t_s: float
-    x_m: float
-    y_m: float
-    z_m: float
-    yaw_rad: float
-    walked_m: float
 
 
 class TurnBackDetector:
@@ -91,6 +68,27 @@ class TurnBackDetector:
         while k >= 0 and self._crumbs[k].walked_m > walked_m:
             k -= 1
         return k
+
+
+def find_turn_back(
+    trajectory: Trajectory, track: StepTrack, length: StepLengthConfig, config: ReturnConfig
+) -> TurnBack | None:
+    """The first turn-back of a whole walk.
+
+    Args:
+        trajectory: an estimate of the walk.
+        track: its steps.
+        length: as the steps were measured.
+        config: how much of the way must have been walked back, and how near to the way out.
+    """
+    detector = TurnBackDetector(config.retraced_m, config.apart_m)
+    walked = np.cumsum([level_length_m(step, length) for step in track.steps])
+    columns = (track.t_s, trajectory.x_m, trajectory.y_m, trajectory.z_m, trajectory.yaw_rad, walked)
+    for row in np.column_stack(columns).tolist():
+        found = detector.advance(Crumb(*row))
+        if found is not None:
+            return found
+    return None
 
 
 def reversal(xyz_m: FloatArray, yaw_rad: FloatArray, walked_m: FloatArray, apart_m: float) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.front_end import Step, flat_length_m
+from fbgraph.front_end.track import Step, flat_length_m
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Outbound:
     altitude_m: FloatArray
 
     @staticmethod
-    def of(trajectory: Trajectory, steps: list[Step], length: StepLengthConfig, last: int) -> Outbound:
+    def of(trajectory: Trajectory, steps: Sequence[Step], length: StepLengthConfig, last: int) -> Outbound:
         """Breadcrumbs 0 to ``last`` of a walk."""
         n = last + 1
         up, level = np.array([field_of(step) for step in steps[:n]]).T

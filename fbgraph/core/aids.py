@@ -1,0 +1,56 @@
+"""What is known of a walk besides its sensors: truth that only scores, and aids that an estimator may use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.georeference import Georeference
+
+
+@dataclass(frozen=True)
+class Aids:
+    """What an estimator may know besides the sensors.
+
+    Attributes:
+        anchors: known places, ``t_s`` in seconds since log start; with them the result is in their frame.
+        closed_walk: whether the walk ends where it began.
+    """
+
+    anchors: Checkpoints | None = None
+    closed_walk: bool = False
+
+    @property
+    def places_known(self) -> bool:
+        """Whether there are anchors, so that the first breadcrumb is not the origin."""
+        return self.anchors is not None
+
+    @property
+    def direction_known(self) -> bool:
+        """Whether there are at least two anchors, which also tell the walk's direction and scale."""
+        return self.anchors is not None and len(self.anchors) > 1
+
+
+@dataclass(frozen=True)
+class Told:
+    """Everything that a user says of a walk, on the log's event clock; no estimator sees the truth.
+
+    Attributes:
+        truth: known places, for scoring and showing only.
+        anchors: known places that enter the graph.
+        closed_walk: whether the walk ends where it began.
+        origin: where on Earth the walk began.
+    """
+
+    truth: Checkpoints | None = None
+    anchors: Checkpoints | None = None
+    closed_walk: bool = False
+    origin: Georeference | None = None
+
+    def aids(self, t0_s: float) -> Aids:
+        """What an estimator gets of it.
+
+        Args:
+            t0_s: ``SensorLog.t0_s``, which brings seconds since log start to the event clock.
+        """
+        return Aids(None if self.anchors is None else self.anchors.since(t0_s), self.closed_walk)

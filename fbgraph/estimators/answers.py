@@ -1,0 +1,102 @@
+"""What the estimators answer: plain records, so that who reads them needs no solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fbgraph.core.geometry import FloatArray
+from fbgraph.core.trajectory import Breadcrumb, Trajectory
+from fbgraph.way_back.records import Closure, ReturnUpdate
+
+FACTOR_KINDS = (
+    "step_length",
+    "step_sideways",
+    "heading",
+    "bias_drift",
+    "compass",
+    "barometer",
+    "climb",
+    "standing_still",
+    "anchor",
+    "closure",
+    "closed_walk",
+)
+"""In the order of the table atop ``fbgraph.estimators.graph``; priors on the origin are none of them."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """All factors of one kind.
+
+    Attributes:
+        name: one of ``FACTOR_KINDS``.
+        k: (N,) breadcrumb each is about, the later one of two.
+        whitened: (N,) estimate minus measurement in standard deviations, before the robust loss; of a place, how far.
+        weight: (N,) what the robust loss left of it, 0 to 1; ones for a factor without.
+    """
+
+    name: str
+    k: npt.NDArray[np.int64]
+    whitened: FloatArray
+    weight: FloatArray
+
+    @property
+    def rms(self) -> float:
+        """Root mean square; about 1 where the sigmas are right."""
+        return float(np.sqrt((self.whitened**2).mean()))
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A smoothed walk and how the solver got there.
+
+    Attributes:
+        trajectory: with covariance.
+        errors: (I+1,) the graph's error (half the weighted sum of squares, robust) before the first of I iterations
+            and after each.
+        factors: number of factors in the graph.
+        residuals: of every factor at the solution, by kind.
+        closures: breadcrumbs tied to earlier ones.
+    """
+
+    trajectory: Trajectory
+    errors: FloatArray
+    factors: int
+    residuals: tuple[Residuals, ...]
+    closures: tuple[Closure, ...] = ()
+
+    @property
+    def iterations(self) -> int:
+        """Of the solver."""
+        return len(self.errors) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Update(Breadcrumb):
+    """The estimate at the moment of a step, from what was known by then.
+
+    Attributes:
+        returning: on the way back, where on the way out that is and what to do next.
+    """
+
+    returning: ReturnUpdate | None = None
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Where the online smoother believed the recent walk to lie, at the moment of a step.
+
+    Attributes:
+        k: index of the latest breadcrumb.
+        t_s: its time, seconds since log start.
+        first: index of the first breadcrumb in ``xy_m``; those before it had left the window and stay as they were.
+        xy_m: (k - first + 1, 2) places of breadcrumbs ``first`` … ``k``.
+    """
+
+    k: int
+    t_s: float
+    first: int
+    xy_m: FloatArray

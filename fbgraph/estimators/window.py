@@ -1,0 +1,184 @@
+"""The end of the walk in iSAM2, of a bounded size.
+
+iSAM2 (Kaess et al., IJRR 2012) keeps a Bayes tree whose every update costs time in its size, so a tree of a day's walk
+would be slow. It is kept to a window: when it has grown to twice ``window_steps``, the older half is eliminated
+into one prior on the breadcrumb where the newer half begins (exact, to first order), and its breadcrumbs stay as
+they were then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import B, X, Z
+
+from fbgraph.core.config import OnlineConfig
+from fbgraph.core.errors import EstimationError
+from fbgraph.core.geometry import wrap_scalar
+from fbgraph.estimators.graph import Node, closure_factor, closure_prior
+from fbgraph.way_back.records import Closure
+
+_KEEP = 1e6  # a relinearisation threshold that is never reached: positions and biases are linear given yaw
+_ANCHORED_M = 0.5  # but how far a robust anchor is believed depends on the place
+
+
+class IsamWindow:
+    """Factors of the latest breadcrumbs, solved as they come.
+
+    Attributes:
+        first: breadcrumb where the window begins.
+        nodes: of every breadcrumb: while in the window a guess, after it for good.
+        closures: all so far.
+    """
+
+    def __init__(self, config: OnlineConfig, places_known: bool) -> None:
+        """An empty window.
+
+        Args:
+            config: its size, and iSAM2's thresholds.
+            places_known: whether anchors will come: then places are no longer linear given yaw.
+        """
+        self._config = config
+        self._places_known = places_known
+        self._graphs: list[gtsam.NonlinearFactorGraph] = []  # the factors that came with each breadcrumb of the window
+        self._isam = self._new_isam()
+        self.first = 0
+        self.nodes: list[Node] = []
+        self.closures: list[Closure] = []
+
+    def add(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, node: Node) -> Node:
+        """Take the next breadcrumb and return it as solved.
+
+        Args:
+            graph: the factors that come with it.
+            values: its first values.
+            node: the same.
+
+        Raises:
+            EstimationError: the solver failed.
+        """
+        k = len(self.nodes)
+        self.nodes.append(node)
+        self._graphs.append(graph)
+        with _solving(f"step {k}"):
+            self._isam.update(graph, values)
+            pose = self._isam.calculateEstimatePose2(X(k))
+            z_m, bias = self._isam.calculateEstimateDouble(Z(k)), self._isam.calculateEstimateDouble(B(k))
+        solved = self.nodes[k] = _near(node.yaw_rad, pose, z_m, bias)
+        if len(self._graphs) >= 2 * self._config.window_steps:
+            self._shorten()
+        return solved
+
+    def close(self, closures: Iterable[Closure]) -> None:
+        """Add closures; where the earlier breadcrumb has left the window, it is fixed.
+
+        Raises:
+            EstimationError: the solver failed.
+        """
+        graph = gtsam.NonlinearFactorGraph()
+        for closure in closures:
+            self.closures.append(closure)
+            if closure.j >= self.first:
+                graph.push_back(self._closure_factor(closure, self.first))
+        if graph.size():
+            with _solving("a closure"):
+                self._isam.update(graph, gtsam.Values())
+
+    def refresh(self) -> Sequence[Node]:
+        """Take the whole window over from iSAM2; all breadcrumbs as known now."""
+        self.nodes[self.first :] = self._read(self._isam.calculateBestEstimate())
+        return self.nodes
+
+    def glimpse(self) -> list[Node]:
+        """The window as smoothed now. Only looks: later estimates are the same whether one asked or not."""
+        return self._read(self._isam.calculateEstimate())
+
+    def _read(self, result: gtsam.Values) -> list[Node]:
+        """The window's breadcrumbs of an estimate, each yaw unwrapped to lie near the one known before."""
+        return [
+            _near(self.nodes[k].yaw_rad, result.atPose2(X(k)), result.atDouble(Z(k)), result.atDouble(B(k)))
+            for k in range(self.first, len(self.nodes))
+        ]
+
+    def _closure_factor(self, closure: Closure, first: int) -> gtsam.NonlinearFactor:
+        if closure.i >= first:
+            return closure_factor(closure)
+        fixed = self.nodes[closure.i]
+        return closure_prior(closure, fixed.x_m, fixed.y_m, fixed.yaw_rad)
+
+    def _shorten(self) -> None:
+        """Eliminate the older half of the window into a prior on the breadcrumb where the newer half begins."""
+        self.refresh()
+        join = len(self.nodes) - self._config.window_steps
+        result = self._isam.calculateBestEstimate()
+        split = join - self.first + 1  # factors that come with the join itself look back from it
+        prior = self._eliminated(self._graphs[:split], join, result)
+        self._graphs = [prior, *self._graphs[split:]]
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        for part in self._graphs:
+            graph.push_back(part)
+        for closure in self.closures:
+            if closure.j > join:
+                graph.push_back(self._closure_factor(closure, join))
+        for k in range(join, len(self.nodes)):
+            values.insert(X(k), result.atPose2(X(k)))
+            values.insert(Z(k), result.atDouble(Z(k)))
+            values.insert(B(k), result.atDouble(B(k)))
+        self.first = join
+        self._isam = self._new_isam()
+        with _solving(f"step {len(self.nodes) - 1}"):
+            self._isam.update(graph, values)
+
+    def _eliminated(
+        self, graphs: Sequence[gtsam.NonlinearFactorGraph], join: int, result: gtsam.Values
+    ) -> gtsam.NonlinearFactorGraph:
+        """What these factors, and the closures among them, say of breadcrumb ``join`` once those before it are gone."""
+        older = gtsam.NonlinearFactorGraph()
+        for graph in graphs:
+            older.push_back(graph)
+        for closure in self.closures:
+            if self.first < closure.j <= join:
+                older.push_back(self._closure_factor(closure, self.first))
+        gone = gtsam.Ordering()
+        for k in range(self.first, join):
+            for key in (X(k), Z(k), B(k)):
+                gone.push_back(key)
+        _, remaining = older.linearize(result).eliminatePartialSequential(gone)
+        prior = gtsam.NonlinearFactorGraph()
+        for i in range(remaining.size()):
+            prior.push_back(gtsam.LinearContainerFactor(remaining.at(i), result))
+        return prior
+
+    def _new_isam(self) -> gtsam.ISAM2:
+        """Relinearises on yaw alone: positions and biases are linear given yaw."""
+        config, params = self._config, gtsam.ISAM2Params()
+        if self._places_known:  # until its first anchor the walk hangs on a thread that Cholesky cannot see
+            params.setFactorization("QR")
+        gauss_newton = gtsam.ISAM2GaussNewtonParams()
+        gauss_newton.setWildfireThreshold(config.wildfire)
+        params.setOptimizationParams(gauss_newton)
+        thresholds = gtsam.ISAM2ThresholdMap()
+        place = _ANCHORED_M if self._places_known else _KEEP
+        thresholds.insert(("x", np.array([place, place, config.relinearize_yaw_rad])))
+        thresholds.insert(("z", np.array([_KEEP])))
+        thresholds.insert(("b", np.array([_KEEP])))
+        params.setRelinearizeThreshold(thresholds)
+        params.relinearizeSkip = config.relinearize_skip
+        return gtsam.ISAM2(params)
+
+
+@contextmanager
+def _solving(where: str) -> Iterator[None]:
+    """Says where iSAM2 failed."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise EstimationError(f"iSAM2 failed at {where}: {str(error).strip().splitlines()[0]}") from error
+
+
+def _near(yaw_rad: float, pose: gtsam.Pose2, z_m: float, bias_rad_s: float) -> Node:
+    """A breadcrumb as solved, its yaw unwrapped to lie near the one given."""
+    return Node(pose.x(), pose.y(), z_m, yaw_rad + wrap_scalar(pose.theta() - yaw_rad), bias_rad_s)

@@ -1,0 +1,139 @@
+"""What a detected step says: length, direction, field, altitude, and the rest before it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from fbgraph.core.config import StepLengthConfig
+from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.front_end.rests import Rests
+from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.front_end.track import LOOK_BACK_S, Peak, Step, flat_length_m
+
+_ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
+
+
+class StepGauge:
+    """Measures what each detected step says: its length, direction, field, altitude and the rest before it."""
+
+    def __init__(self, length: StepLengthConfig, rate_hz: float, settle_s: float) -> None:
+        self._length = length
+        self._rate_hz = rate_hz
+        self._signals: LevelledSignals | None = None
+        self._rests = Rests(rate_hz, settle_s)
+        self._last_end: int | None = None
+        self._last_interval: int | None = None
+
+    def push(self, signals: LevelledSignals) -> None:
+        """Take the next signals, before the peaks found in them."""
+        self._rests.push(signals)
+        known = signals if self._signals is None else LevelledSignals.concatenate([self._signals, signals])
+        self._signals = (
+            known
+            if len(signals) > int(LOOK_BACK_S * self._rate_hz)
+            else known.tail(int(LOOK_BACK_S * self._rate_hz) + len(signals))
+        )
+
+    def measure(self, run: list[Peak]) -> list[Step]:
+        """The steps of a run, the standing start before the very first of all."""
+        steps: list[Step] = []
+        for peak in run:
+            interval = peak.index - peak.start_index
+            stride = interval if peak.first or self._last_interval is None else (interval + self._last_interval) / 2
+            first_of_walk = self._last_end is None
+            step = self._measure_one(peak, frequency_hz=self._rate_hz / stride)
+            if first_of_walk:
+                steps.append(_standing_start(step, self._altitude_before(peak)))
+            steps.append(step)
+            self._last_end, self._last_interval = peak.index, interval
+        return steps
+
+    def _measure_one(self, peak: Peak, frequency_hz: float) -> Step:
+        signals = self._signals
+        assert signals is not None  # push comes before measure
+        lo, hi = np.searchsorted(signals.index, (peak.start_index + 1, peak.index + 1))
+        lo = min(lo, hi - 1)
+        yaw_gyro = signals.yaw_gyro_rad[lo:hi]
+        yaw_gyro_rad = float(yaw_gyro.mean())
+        offset = signals.yaw_mag_rad[lo:hi] - yaw_gyro
+        offset = offset[np.isfinite(offset)]
+        yaw_mag_rad = float("nan")
+        if len(offset):
+            mean_offset = np.arctan2(np.sin(offset).mean(), np.cos(offset).mean())
+            yaw_mag_rad = float(wrap_angle(np.asarray(yaw_gyro_rad + mean_offset)))
+        bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
+        slope = self._slope(signals, hi, frequency_hz, bounce)
+        length = flat_length_m(self._length, frequency_hz, bounce) + self._length.gamma_m * slope
+        rest_rate, rest_sigma, rest_s = self._rests.take(peak.index)
+        # a hole in the index between this step and the one before is a gap in the log
+        since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
+        chained = bool(signals.index[hi - 1] - signals.index[since] == hi - 1 - since)
+        if self._last_end is not None and signals.index[0] > self._last_end:
+            chained = self._rests.unbroken_since(self._last_end)
+        return Step(
+            t_s=peak.index / self._rate_hz,
+            start_s=peak.start_index / self._rate_hz,
+            length_m=max(length, self._length.shortest_m),
+            frequency_hz=frequency_hz,
+            slope=slope,
+            shortened_m=abs(self._length.gamma_m * slope),
+            bounce_m_s2=bounce,
+            yaw_s=float(signals.t_s[lo:hi].mean()),
+            yaw_gyro_rad=yaw_gyro_rad,
+            yaw_mag_rad=yaw_mag_rad,
+            mag_norm_ut=_mean_finite(signals.mag_norm_ut[lo:hi]),
+            mag_dip_rad=_mean_finite(signals.mag_dip_rad[lo:hi]),
+            altitude_m=_mean_finite(signals.altitude_m[lo:hi]),
+            chained=chained,
+            rest_rate_rad_s=rest_rate,
+            rest_sigma_rad_s=rest_sigma,
+            rest_s=rest_s,
+        )
+
+    def _altitude_before(self, peak: Peak) -> float:
+        """Mean altitude of the seconds before the first step: the reference of the whole walk."""
+        assert self._signals is not None
+        lo, hi = np.searchsorted(
+            self._signals.t_s, (peak.start_index / self._rate_hz - 5.0, peak.index / self._rate_hz)
+        )
+        return _mean_finite(self._signals.altitude_m[lo:hi])
+
+    def _slope(self, signals: LevelledSignals, end: int, frequency_hz: float, bounce_m_s2: float) -> float:
+        """|climb rate| over flat walking speed; 0 within what air pressure does by itself."""
+        start = max(end - int(_ALTITUDE_WINDOW_S * self._rate_hz), 0)
+        altitude = signals.altitude_m[start:end]
+        third = max(len(altitude) // 3, 1)
+        rise_m = altitude[-third:].mean() - altitude[:third].mean()
+        span_s = (len(altitude) - third) / self._rate_hz
+        climb_m_s = abs(rise_m) / span_s if span_s > 0 else 0.0
+        if not climb_m_s > self._length.min_climb_m_s:  # also when it is nan
+            return 0.0
+        flat_speed = max(flat_length_m(self._length, frequency_hz, bounce_m_s2), self._length.shortest_m) * frequency_hz
+        return float(climb_m_s / flat_speed)
+
+
+def _standing_start(first: Step, altitude_m: float) -> Step:
+    """The breadcrumb before the first step: same direction, no length, where the step began."""
+    return replace(
+        first,
+        t_s=first.start_s,
+        length_m=0.0,
+        slope=0.0,
+        shortened_m=0.0,
+        yaw_mag_rad=math.nan,
+        mag_norm_ut=math.nan,
+        mag_dip_rad=math.nan,
+        altitude_m=altitude_m,
+        chained=True,
+        rest_rate_rad_s=math.nan,
+        rest_sigma_rad_s=math.nan,
+        rest_s=0.0,
+    )
+
+
+def _mean_finite(values: FloatArray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else float("nan")

@@ -1,0 +1,61 @@
+"""LevelledSignals: what the leveller delivers and the step detector looks at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class LevelledSignals:
+    """Signals of a piece of walk on a uniform grid (silent where the inertial sensors were).
+
+    Attributes:
+        index: (N,) grid index; ``t_s = index / rate_hz``. Consecutive except across gaps.
+        acc_norm_m_s2: (N,) magnitude of specific force.
+        acc_n_m_s2: (N, 3) specific force in the levelled frame turned to face the walking direction: forward, left, up.
+        tilt_rate_rad_s: (N,) magnitude of the angular rate about horizontal axes: shaking, not turning.
+        yaw_gyro_rad: (N,) walking direction by the gyroscope alone, unwrapped, arbitrary start; its bias still in it.
+        yaw_mag_rad: (N,) walking direction by the compass, wrapped, nan where there is no magnetometer sample.
+        mag_norm_ut: (N,) strength of the field, nan where unknown.
+        mag_dip_rad: (N,) angle of the field below the horizon, nan where unknown.
+        altitude_m: (N,) by the standard atmosphere; nan before the first barometer sample.
+        still: (N,) whether the device has been standing still for the whole still window.
+    """
+
+    index: IntArray
+    t_s: FloatArray
+    acc_norm_m_s2: FloatArray
+    acc_n_m_s2: FloatArray
+    tilt_rate_rad_s: FloatArray
+    yaw_gyro_rad: FloatArray
+    yaw_mag_rad: FloatArray
+    mag_norm_ut: FloatArray
+    mag_dip_rad: FloatArray
+    altitude_m: FloatArray
+    still: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def head(self, count: int) -> LevelledSignals:
+        """The first ``count`` samples."""
+        return LevelledSignals(*[getattr(self, name)[:count] for name in _SIGNALS])
+
+    def tail(self, count: int) -> LevelledSignals:
+        """The last ``count`` samples."""
+        start = max(len(self) - count, 0)
+        return LevelledSignals(*[getattr(self, name)[start:] for name in _SIGNALS])
+
+    @staticmethod
+    def concatenate(pieces: list[LevelledSignals]) -> LevelledSignals:
+        """Pieces in order as one."""
+        if len(pieces) == 1:
+            return pieces[0]
+        return LevelledSignals(*[np.concatenate([getattr(p, name) for p in pieces]) for name in _SIGNALS])
+
+
+_SIGNALS = tuple(f.name for f in fields(LevelledSignals))

@@ -1,0 +1,92 @@
+"""Steps as the estimators get them: one by one, and as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbgraph.core.config import StepLengthConfig
+from fbgraph.core.geometry import FloatArray
+
+LOOK_BACK_S = 12.0
+"""Past signals that finding and measuring a step may look at."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A detected step before it is measured; ``first`` if it opens a run of steps."""
+
+    index: int
+    start_index: int
+    first: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One breadcrumb: a step that ends at ``t_s``; the first of a walk is the standing start (length 0).
+
+    Angles of the gyroscope share an arbitrary start; nan says that a sensor was silent.
+    """
+
+    t_s: float
+    """End of the step, seconds since log start."""
+    start_s: float
+    """Begin of the step."""
+    length_m: float
+    """Adaptive length α + β f + γ s (paper, Parameter Selection) + κ bounce^(1/4)."""
+    frequency_hz: float
+    """Step frequency f, over this step and the one before."""
+    slope: float
+    """|climb rate| over flat walking speed, s."""
+    shortened_m: float
+    """By how much the slope term γ s changed the length."""
+    bounce_m_s2: float
+    """Peak-to-peak vertical acceleration."""
+    yaw_s: float
+    """Time to which the mean headings refer, the middle of the step."""
+    yaw_gyro_rad: float
+    """Mean walking direction over the step by the gyroscope, its bias still in it, unwrapped."""
+    yaw_mag_rad: float
+    """Mean walking direction over the step by the compass."""
+    mag_norm_ut: float
+    """Mean strength of the magnetic field over the step."""
+    mag_dip_rad: float
+    """Mean dip of the magnetic field over the step."""
+    altitude_m: float
+    """Mean barometric altitude over the step, standard atmosphere."""
+    chained: bool
+    """False if a gap in the log lies before it, so that the gyroscope says nothing about the turn since."""
+    rest_rate_rad_s: float
+    """Mean yaw rate while standing still since the step before, i.e. the gyroscope's bias."""
+    rest_sigma_rad_s: float
+    """Its standard deviation."""
+    rest_s: float
+    """How long that rest was, 0 if there was none."""
+
+
+class StepTrack:
+    """All steps of a walk, entry 0 the standing start: ``track.steps[k].length_m`` is ``track.length_m[k]``.
+
+    Every field of ``Step`` is a column here too, (K+1,) floats.
+    """
+
+    def __init__(self, steps: Sequence[Step]) -> None:
+        self.steps = tuple(steps)
+        self._columns: dict[str, FloatArray] = {}
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __getattr__(self, name: str) -> FloatArray:
+        if name not in Step.__slots__:
+            raise AttributeError(f"a step has no {name!r}; it has {', '.join(Step.__slots__)}")
+        if name not in self._columns:
+            self._columns[name] = np.array([getattr(step, name) for step in self.steps], dtype=float)
+        return self._columns[name]
+
+
+def flat_length_m(config: StepLengthConfig, frequency_hz: float, bounce_m_s2: float) -> float:
+    """Length of a step on the level: α + β f (paper) + κ bounce^(1/4) (Weinberg)."""
+    return float(config.alpha_m + config.beta_m_s * frequency_hz + config.kappa * bounce_m_s2**0.25)

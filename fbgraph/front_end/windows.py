@@ -1,0 +1,108 @@
+"""Running sums over streams: means over grid intervals, moments over sliding windows; chunk-invariant."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.core.log import Stream
+
+
+class _IntervalMean:
+    """Brings a stream to the grid as the mean over each grid interval, which keeps the integral exact.
+
+    The running integral of the stream (trapezoids) is interpolated at the grid times: for a gyroscope of any rate and
+    jitter the angle turned is the same before and after.
+    """
+
+    def __init__(self, width: int, max_gap_s: float) -> None:
+        self._max_gap_s = max_gap_s
+        self._last: FloatArray = np.empty((0, width))
+        self._t_s = np.empty(0)
+        self._integral = np.empty((0, width))
+        self._gap_before: BoolArray = np.empty(0, dtype=np.bool_)
+
+    @property
+    def empty(self) -> bool:
+        return len(self._t_s) == 0
+
+    @property
+    def first_s(self) -> float:
+        return float(self._t_s[0])
+
+    @property
+    def last_s(self) -> float:
+        return float(self._t_s[-1])
+
+    def push(self, stream: Stream) -> None:
+        if len(stream) == 0:
+            return
+        if self.empty:
+            t_s, values, carry = stream.t_s, stream.values, np.zeros((1, stream.values.shape[1]))
+            lead_gap = np.array([False])
+        else:
+            t_s = np.concatenate((self._t_s[-1:], stream.t_s))
+            values = np.concatenate((self._last, stream.values))
+            carry = self._integral[-1:]
+            lead_gap = np.empty(0, dtype=np.bool_)
+        dt_s = t_s[1:] - t_s[:-1]
+        area = 0.5 * (values[1:] + values[:-1]) * dt_s[:, None]
+        integral = np.cumsum(np.concatenate((carry, area)), axis=0)
+        if not self.empty:
+            t_s, integral = t_s[1:], integral[1:]
+        self._t_s = np.concatenate((self._t_s, t_s))
+        self._integral = np.concatenate((self._integral, integral))
+        self._gap_before = np.concatenate((self._gap_before, lead_gap, dt_s > self._max_gap_s))
+        self._last = stream.values[-1:]
+
+    def means(self, index: IntArray, dt_s: float) -> tuple[FloatArray, BoolArray]:
+        """(N, D) means over the grid interval that ends at each index, and (N,) whether no gap touches it."""
+        if len(index) == 0:
+            return np.empty((0, self._integral.shape[1])), np.empty(0, dtype=np.bool_)
+        ends = np.asarray(np.concatenate((index[:1] - 1, index)) * dt_s, dtype=np.float64)
+        at_ends = _interp_columns(ends, self._t_s, self._integral)
+        bracket = np.minimum(np.searchsorted(self._t_s, ends), len(self._t_s) - 1)
+        in_gap = self._gap_before[bracket]
+        return (at_ends[1:] - at_ends[:-1]) / dt_s, ~(in_gap[1:] | in_gap[:-1])
+
+    def forget(self, before_s: float) -> None:
+        start = max(int(np.searchsorted(self._t_s, before_s, side="right")) - 1, 0)
+        self._t_s, self._integral = self._t_s[start:], self._integral[start:]
+        self._gap_before = self._gap_before[start:]
+
+
+class WindowMoments:
+    """Mean and variance over a sliding window of samples, by differences of running sums."""
+
+    def __init__(self, width: int, window: int) -> None:
+        self._window = window
+        self._sums = np.zeros((1, 2 * width))
+        self._origin: FloatArray | None = None
+
+    def push(self, values: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+        """(N, D) samples in; (N, D) mean, (N, D) variance and (N,) number of samples in the window out."""
+        width = values.shape[1]
+        if len(values) == 0:
+            return values, values, np.empty(0, dtype=np.int64)
+        if self._origin is None:
+            self._origin = values[0].copy()  # sums of deviations keep their digits for days
+        centred = values - self._origin
+        both = np.concatenate((centred, centred**2), axis=1)
+        sums = np.cumsum(np.concatenate((self._sums[-1:], both)), axis=0)[1:]
+        history = np.concatenate((self._sums, sums))
+        now = np.arange(len(self._sums), len(history), dtype=np.int64)
+        then = np.maximum(now - self._window, 0)
+        count = now - then
+        moments = (sums - history[then]) / count[:, None]
+        mean = moments[:, :width]
+        variance = np.maximum(moments[:, width:] - mean**2, 0.0)
+        self._sums = history[-self._window :]
+        return mean + self._origin, variance, count
+
+
+def _interp_columns(at_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:
+    """``np.interp`` for every column."""
+    out = np.empty((len(at_s), values.shape[1]))
+    for i in range(values.shape[1]):
+        out[:, i] = np.interp(at_s, t_s, values[:, i])
+    return out
