@@ -5,6 +5,7 @@ commands; ``printing`` the tables.
 """
 
 # isort: off  the order in which help lists the commands
+from fbgraph.cli import looking, making, walking  # noqa: F401
 from fbgraph.cli.app import main
 
 __all__ = ["main"]

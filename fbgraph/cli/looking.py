@@ -110,7 +110,7 @@ def guide(
     from fbgraph.core.georeference import parse_origin
     from fbgraph.core.whole_writes import whole_file
     from fbgraph.run.folder import require_free
-    from fbgraph.run.reading import read_georeference, read_summary
+    from fbgraph.run.reading import read_directions, read_georeference, read_summary
     from fbgraph.way_back.maps import format_directions
 
     if units not in ("metric", "steps"):
