@@ -2,6 +2,10 @@
 
 ForestBack's breadcrumb dead reckoning rebuilt as a factor graph on GTSAM.
 
+    >>> import fbgraph
+    >>> walk = fbgraph.smooth("walk.csv", truth="truth.csv")
+    >>> walk.trajectories["smoothed"].to_dataframe()
+
 Conventions, stated once and kept everywhere
 --------------------------------------------
 Units
@@ -12,13 +16,82 @@ Time
     first inertial sample. ``SensorLog.t0_s`` brings ``t_s`` back to the clock on which the format stamps its events
     and truth: ``t_s + t0_s``.
 World frame ``n``
-    x East, y North, z up; the origin is the first breadcrumb. ``yaw`` is counter-clockwise from East (REP-103).
-    A compass heading (clockwise from North) is only ever printed, under the name ``heading_deg``.
+    x East, y North, z up; the origin is the first breadcrumb. ``yaw`` is counter-clockwise from East (REP-103);
+    a compass heading (clockwise from North) is only ever printed, under the name ``heading_deg``.
 Body frame ``b``
     The device's own axes. ``mount`` is the body direction whose horizontal projection points where the person walks.
 Names
     Poses ``nTb``, rotations ``nRb``, vectors ``acc_b``, ``mag_n``; ``k`` counts steps or breadcrumbs, ``i`` samples;
     ``sigma_*`` is a standard deviation, ``cov_*`` a covariance; quaternion order is in the name (``quat_wxyz``).
+
+``ROOMS`` is the map of the house: a room imports only rooms before it in the list.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fbgraph.api import OnlineSmoother as OnlineSmoother
+    from fbgraph.api import Walk as Walk
+    from fbgraph.api import load_run as load_run
+    from fbgraph.api import log_from_dataframe as log_from_dataframe
+    from fbgraph.api import simulate as simulate
+    from fbgraph.api import smooth as smooth
+    from fbgraph.core.checkpoints import Checkpoints as Checkpoints
+    from fbgraph.core.checkpoints import read_checkpoints as read_checkpoints
+    from fbgraph.core.config import Config as Config
+    from fbgraph.core.config import load_config as load_config
+    from fbgraph.core.errors import ConfigError as ConfigError
+    from fbgraph.core.errors import DataError as DataError
+    from fbgraph.core.errors import EstimationError as EstimationError
+    from fbgraph.core.errors import FbgraphError as FbgraphError
+    from fbgraph.core.log import SensorLog as SensorLog
+    from fbgraph.core.trajectory import Trajectory as Trajectory
+    from fbgraph.readers import read_log as read_log
+
 __version__ = "0.1.0"
+
+ROOMS = (
+    "core",
+    "readers",
+    "simulator",
+    "front_end",
+    "way_back",
+    "estimators",
+    "run",
+    "recording",
+    "study",
+    "pipeline",
+    "session",
+    "reruns",
+    "api",
+    "cli",
+)
+"""Folders and files of the package, from the ground up."""
+
+_WHERE = {
+    **dict.fromkeys(("OnlineSmoother", "Walk", "load_run", "log_from_dataframe", "simulate", "smooth"), "api"),
+    **dict.fromkeys(("Checkpoints", "read_checkpoints"), "core.checkpoints"),
+    **dict.fromkeys(("Config", "load_config"), "core.config"),
+    **dict.fromkeys(("ConfigError", "DataError", "EstimationError", "FbgraphError"), "core.errors"),
+    "SensorLog": "core.log",
+    "Trajectory": "core.trajectory",
+    "read_log": "readers",
+}
+"""Names are imported when first asked for: ``fbgraph --help`` needs none of them."""
+
+__all__ = [*_WHERE, "ROOMS", "__version__"]  # noqa: PLE0604  strings, all of them
+
+
+def __getattr__(name: str) -> object:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'fbgraph' has no attribute {name!r}")
+    from importlib import import_module
+
+    value = globals()[name] = getattr(import_module(f"fbgraph.{_WHERE[name]}"), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_WHERE})

@@ -71,7 +71,7 @@ def online(window_steps: int, steps: int, return_at: str = "never", piece_s: flo
 
 
 def main() -> None:
-    fbgraph = (sys.executable, "-m", "fbgraph.cli")
+    fbgraph = (sys.executable, "-m", "fbgraph")
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "hour.csv"
         simulate_s = timed(*fbgraph, "simulate", log, "--route", "out-and-back", "--duration", 3600, "--seed", 1)

@@ -16,7 +16,7 @@ HEADER = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa\n"
 
 def fbgraph(*arguments: object, code: int = 0, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     done = subprocess.run(
-        [sys.executable, "-m", "fbgraph.cli", *map(str, arguments)],
+        [sys.executable, "-m", "fbgraph", *map(str, arguments)],
         capture_output=True,
         text=True,
         cwd=cwd,

@@ -209,7 +209,7 @@ def test_a_silence_is_a_gap(lines: list[str]) -> None:
 
 
 def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "fbgraph.cli", "online", *map(str, arguments), "--no-recording"]
+    return [sys.executable, "-m", "fbgraph", "online", *map(str, arguments), "--no-recording"]
 
 
 @contextmanager

@@ -236,7 +236,7 @@ def test_a_wrong_time_is_refused(at: str) -> None:
 
 
 def run(*arguments: object, stdin: str | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "fbgraph.cli", "online", *map(str, arguments), "--no-recording"]
+    command = [sys.executable, "-m", "fbgraph", "online", *map(str, arguments), "--no-recording"]
     return subprocess.run(command, capture_output=True, text=True, input=stdin)
 
 

@@ -31,7 +31,7 @@ CONFIG = load_config("forestback")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """The whole study of 36 simulated trials, and what it printed as JSON."""
     out = tmp_path_factory.mktemp("study") / "out"
-    command = [sys.executable, "-m", "fbgraph.cli", "study", "simulated", "--seed", "1", "--out", str(out), "--json"]
+    command = [sys.executable, "-m", "fbgraph", "study", "simulated", "--seed", "1", "--out", str(out), "--json"]
     return out, json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
 
 

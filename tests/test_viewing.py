@@ -25,7 +25,7 @@ from fbgraph.session import replay
 
 
 def fbgraph(*arguments: object, code: int = 0, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "fbgraph.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "fbgraph", *map(str, arguments)]
     done = subprocess.run(
         command, capture_output=True, text=True, check=False, timeout=120, env={**os.environ, **environment}
     )
@@ -86,7 +86,7 @@ def test_record_refuses_another_walk_under_the_old_name(folder: Path, tmp_path: 
 
 def test_a_live_walk_is_recorded_again_from_its_raw_lines(folder: Path, tmp_path: Path) -> None:
     run = tmp_path / "live"
-    command = [sys.executable, "-m", "fbgraph.cli", "online", "--source", "stdin", "--out", str(run)]
+    command = [sys.executable, "-m", "fbgraph", "online", "--source", "stdin", "--out", str(run)]
     lines = (folder / "walk.csv").read_bytes()
     subprocess.run(command, input=lines, check=True, capture_output=True, timeout=120)
     found = entities(run / "recording.rrd")
@@ -224,7 +224,7 @@ def test_a_runs_own_files_are_not_written_over(folder: Path, tmp_path: Path) -> 
 
 def test_the_raw_lines_of_a_live_walk_are_never_replaced(folder: Path, tmp_path: Path) -> None:
     run = tmp_path / "live"
-    command = [sys.executable, "-m", "fbgraph.cli", "online", "--source", "stdin", "--out", str(run)]
+    command = [sys.executable, "-m", "fbgraph", "online", "--source", "stdin", "--out", str(run)]
     lines = (folder / "walk.csv").read_bytes()
     subprocess.run(command, input=lines, check=True, capture_output=True, timeout=120)
     assert "raw.csv" in fbgraph("smooth", run / "raw.csv", "--out", run, code=2).stderr

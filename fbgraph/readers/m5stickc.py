@@ -124,20 +124,6 @@ def continue_restarts(t_ns: IntArray) -> tuple[IntArray, int]:
     return t_ns, restarts
 
 
-def drop_repeats(stream: RawStream) -> RawStream:
-    """One sample per measurement of a sensor that was asked more often than it measures.
-
-    Where most samples repeat the one before, only changes are kept, and one sample a second so that a constant
-    pressure does not look like a dead sensor.
-    """
-    changed = np.ones(len(stream.t_ns), dtype=bool)
-    changed[1:] = (np.diff(stream.values, axis=0) != 0).any(axis=1)
-    if changed.mean() > 0.5:
-        return stream
-    changed[1:] |= np.diff(stream.t_ns // 1_000_000_000) != 0
-    return RawStream(stream.t_ns[changed], stream.values[changed])
-
-
 def _pressed(rows: Rows) -> list[tuple[int, str]]:
     """Events where they begin: a button held down fills many rows."""
     begun, last = [], (-2, "")

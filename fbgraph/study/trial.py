@@ -19,7 +19,7 @@ from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.log import SensorLog
 from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, assemble, to_ns
 from fbgraph.readers.columns import UNITS, Columns, Rows, plain_name
-from fbgraph.readers.m5stickc import drop_repeats
+from fbgraph.readers.base import drop_repeats
 from fbgraph.study.layout import ColumnsConfig, DatasetConfig
 
 if TYPE_CHECKING:

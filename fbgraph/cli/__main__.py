@@ -1,5 +1,0 @@
-"""``python -m fbgraph.cli``."""
-
-from fbgraph.cli import main
-
-main()
