@@ -81,7 +81,7 @@ _WHERE = {
 }
 """Names are imported when first asked for: ``fbgraph --help`` needs none of them."""
 
-__all__ = [*_WHERE, "ROOMS", "__version__"]  # noqa: PLE0604  strings, all of them
+__all__ = [*_WHERE, "ROOMS", "__version__"]
 
 
 def __getattr__(name: str) -> object:

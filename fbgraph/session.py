@@ -55,17 +55,25 @@ def cut_log(
         yield log.between(start_s, until_s), until_s
 
 
-class _WalkInProgress:
+class WalkInProgress:
     """The online smoother, its guide and its viewer, fed together."""
 
-    def __init__(self, config: Config, aids: Aids, believe: bool, view: LiveView | None) -> None:
+    def __init__(self, config: Config, aids: Aids, believe: bool = False, view: LiveView | None = None) -> None:
+        """A walk that has not begun.
+
+        Args:
+            config: the effective configuration.
+            aids: what the smoother may know besides the sensors.
+            believe: whether to keep what the walk was taken to be, for the recording.
+            view: shows the walk meanwhile.
+        """
         self._config = config
         self._view = view
         self._guide = ReturnGuide(config)
         believe_steps = _BELIEF_STEPS if believe or view is not None else 0
         self._smoother = OnlineSmoother(config, aids, companion=self._guide, believe_steps=believe_steps)
 
-    def feed(self, piece: SensorLog, on_update: OnUpdate | None) -> None:
+    def feed(self, piece: SensorLog, on_update: OnUpdate | None = None) -> list[Update]:
         """Give the smoother a piece of log, and tell whoever wants to know what it made of it."""
         before = len(self._smoother.beliefs)
         updates = self._smoother.feed(piece)
@@ -75,6 +83,7 @@ class _WalkInProgress:
         if self._view is not None:
             told = [update.returning for update in updates if update.returning is not None]
             self._view.fed(piece, self._smoother, self._smoother.beliefs[before:], told)
+        return updates
 
     def finish(self, log: SensorLog, told: Told, inputs: RunInputs) -> WalkResult:
         """Everything about a walk that is over, the other estimators beside it."""
@@ -140,7 +149,7 @@ def replay_log(
     """
     told = told or Told()
     require_anchors_within(log, told)
-    walk = _WalkInProgress(config, told.aids(log.t0_s), recording, view)
+    walk = WalkInProgress(config, told.aids(log.t0_s), recording, view)
     fed_until_s = -np.inf
     for piece, until_s in cut_log(log, chunk_s, speed, stop):
         walk.feed(piece, on_update)
@@ -182,7 +191,7 @@ def follow_source(
     """
     told = told or Told()
     raw_path, reader = out / RAW, LiveReader(out.name)
-    walk = _WalkInProgress(config, Aids(closed_walk=told.closed_walk), recording, view)
+    walk = WalkInProgress(config, Aids(closed_walk=told.closed_walk), recording, view)
     if resume:
         cut_torn_line(raw_path)
         for line_block in saved_lines(raw_path):

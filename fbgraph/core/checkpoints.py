@@ -115,7 +115,7 @@ def checkpoints(
     )
 
 
-def read_checkpoints(path: Path) -> Checkpoints:
+def read_checkpoints(path: str | Path) -> Checkpoints:
     """Read a checkpoint CSV.
 
     Raises:

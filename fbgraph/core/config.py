@@ -272,7 +272,7 @@ def preset_names() -> list[str]:
     )
 
 
-def load_config(source: str | None = None, overrides: Iterable[str] = ()) -> Config:
+def load_config(source: str | Path | None = None, overrides: Iterable[str] = ()) -> Config:
     """The effective configuration.
 
     Args:
@@ -283,9 +283,9 @@ def load_config(source: str | None = None, overrides: Iterable[str] = ()) -> Con
     Raises:
         ConfigError: no such preset or file, not TOML, an unknown key or an invalid value, with its dotted path.
     """
-    values = {} if source is None else read_tables(source)
+    values = {} if source is None else read_tables(str(source))
     values.pop(STUDY_TABLE, None)
-    return validated(Config, override(values, overrides), source or "--set")
+    return validated(Config, override(values, overrides), str(source or "--set"))
 
 
 def validated(model: type[SectionT], values: Mapping[str, Any], source: str) -> SectionT:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,12 +80,44 @@ class Trajectory:
             return None
         return np.asarray(np.sqrt(np.linalg.eigvalsh(self.cov_xy_yaw[:, :2, :2])[:, 1]))
 
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row a breadcrumb, for pandas; nan where the estimator says nothing.
+
+        Returns:
+            ``t_s, x_m, y_m, z_m, yaw_rad, gyro_bias_rad_s``, standard deviations ``sigma_x_m, sigma_y_m, cov_xy_m2,
+            sigma_z_m, sigma_yaw_rad, sigma_bias_rad_s``, and the ellipse of one sigma: half axes ``ellipse_major_m,
+            ellipse_minor_m`` and ``ellipse_yaw_rad``, the direction of the longer one counter-clockwise from East.
+        """
+        import pandas as pd  # here, because it takes a second to import
+
+        unknown = np.full(len(self), np.nan)
+        cov = np.full((len(self), 3, 3), np.nan) if self.cov_xy_yaw is None else self.cov_xy_yaw
+        half_m, axis = np.full((len(self), 2), np.nan), np.full((len(self), 2, 2), np.nan)
+        known = np.isfinite(cov[:, :2, :2]).all(axis=(1, 2))
+        variance, axis[known] = np.linalg.eigh(cov[known, :2, :2])
+        half_m[known] = np.sqrt(np.maximum(variance, 0.0))
+        columns = {name: getattr(self, name) for name in ("t_s", "x_m", "y_m", "z_m", "yaw_rad", "gyro_bias_rad_s")}
+        columns |= {"sigma_x_m": np.sqrt(cov[:, 0, 0]), "sigma_y_m": np.sqrt(cov[:, 1, 1]), "cov_xy_m2": cov[:, 0, 1]}
+        columns |= {
+            "sigma_z_m": unknown if self.sigma_z_m is None else self.sigma_z_m,
+            "sigma_yaw_rad": np.sqrt(cov[:, 2, 2]),
+            "sigma_bias_rad_s": unknown if self.sigma_bias_rad_s is None else self.sigma_bias_rad_s,
+            "ellipse_major_m": half_m[:, 1],
+            "ellipse_minor_m": half_m[:, 0],
+            "ellipse_yaw_rad": np.arctan2(axis[:, 1, 1], axis[:, 0, 1]),
+        }
+        return pd.DataFrame(columns)
+
     def until(self, breadcrumb: int) -> Trajectory:
         """The part up to a breadcrumb, it included."""
         known: dict[str, FloatArray] = {
             f.name: getattr(self, f.name)[: breadcrumb + 1] for f in fields(self) if getattr(self, f.name) is not None
         }
         return Trajectory(**known)
+
+    def since(self, t0_s: float) -> Trajectory:
+        """The same breadcrumbs, their times in seconds since ``t0_s``."""
+        return replace(self, t_s=self.t_s - t0_s)
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """(M, 3) position at these times, linear between breadcrumbs, constant before the first and after the last."""

@@ -55,7 +55,7 @@ def detect(path: Path) -> str:
     raise DataError(f"{path}: unknown format (it begins {first!r}); `fbgraph formats` lists what can be read")
 
 
-def read_log(path: Path, format_name: str | None = None) -> LogFile:
+def read_log(path: str | Path, format_name: str | None = None) -> LogFile:
     """Read a log, and the truth its file may carry.
 
     Args:
@@ -66,5 +66,6 @@ def read_log(path: Path, format_name: str | None = None) -> LogFile:
         DataError: nothing usable; the message says why.
         ConfigError: no such format.
     """
+    path = Path(path)
     name = format_name or detect(path)
     return assemble(reader(name).read(path), path, name)

@@ -18,7 +18,7 @@ import numpy as np
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import IntArray
-from fbgraph.readers.base import RawLog, RawStream, open_text
+from fbgraph.readers.base import RawLog, RawStream, drop_repeats, open_text
 from fbgraph.readers.columns import CANONICAL, Columns, Rows
 
 NAME = "m5stickc"
@@ -58,17 +58,30 @@ def read(path: Path) -> RawLog:
         DataError: the file cannot be read, has no header and no canonical rows, or units nobody can guess.
     """
     with open_text(path) as stream:
-        lines = _data_lines(stream.read())
+        return read_text(stream.read(), str(path))
+
+
+def read_text(text: str, source: str) -> RawLog:
+    """Read the text of one log.
+
+    Args:
+        text: its lines.
+        source: where it came from, for messages.
+
+    Raises:
+        DataError: it has no header and no canonical rows, or units nobody can guess.
+    """
+    lines = _data_lines(text)
     columns = find_columns(lines)
     if columns is None:
-        raise DataError(f"{path}: no line names accelerometer columns; the header should be like {CANONICAL}")
+        raise DataError(f"{source}: no line names accelerometer columns; the header should be like {CANONICAL}")
     header = ",".join(columns.names)
     data = [line for line in lines if line != header]
     rows = columns.parse(data)
     try:
         columns, assumed = columns.settled(rows)
     except DataError as error:
-        raise DataError(f"{path}: {error}") from error
+        raise DataError(f"{source}: {error}") from error
     rows = columns.convert(rows)
     raw = RawLog(notices=assumed, counts=dict(rows.counts))
     if len(data) == len(lines):

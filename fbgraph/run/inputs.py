@@ -64,7 +64,9 @@ class RunInputs:
         """
         noted = summary.get("inputs") or {}
         if not noted.get("log"):
-            raise DataError(f"{run}: written by an earlier fbgraph, which did not note its log; smooth the log again")
+            raise DataError(
+                f"{run}: its log was not a file, or an earlier fbgraph did not note it; smooth the log again"
+            )
         try:
             origin = noted.get("origin")
             return RunInputs(**{**noted, "origin": None if origin is None else (float(origin[0]), float(origin[1]))})

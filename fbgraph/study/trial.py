@@ -17,9 +17,8 @@ from fbgraph.core.atmosphere import altitude_pressure_hpa
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.log import SensorLog
-from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, assemble, to_ns
+from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, assemble, drop_repeats, to_ns
 from fbgraph.readers.columns import UNITS, Columns, Rows, plain_name
-from fbgraph.readers.base import drop_repeats
 from fbgraph.study.layout import ColumnsConfig, DatasetConfig
 
 if TYPE_CHECKING:

@@ -1,0 +1,45 @@
+"""Logs that are DataFrames: columns named as in an M5StickC CSV, read by the same rules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fbgraph.core.errors import DataError
+from fbgraph.readers import m5stickc
+from fbgraph.readers.base import LogFile, assemble
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def read_dataframe(frame: pd.DataFrame, name: str = "dataframe") -> LogFile:
+    """Read a walk from a table; it gives the very walk that the same table written as CSV gives.
+
+    Args:
+        frame: a row a sample; columns as ``fbgraph formats`` shows for ``m5stickc``, such as ``t_s``, ``acc_x_ms2``,
+            ``gyro_z_rads``, ``mag_y_ut``, ``p_hpa``, ``event``. Time may also be the index, or dates.
+        name: of the log.
+
+    Raises:
+        DataError: no accelerometer, no gyroscope, or nothing usable in them.
+    """
+    return assemble(m5stickc.read_text("\n".join(dataframe_lines(frame)), name), Path(name), m5stickc.NAME)
+
+
+def dataframe_lines(frame: pd.DataFrame) -> list[str]:
+    """A table as lines of CSV, its header first; dates as nanoseconds since 1970.
+
+    Raises:
+        DataError: it has no rows or no columns.
+    """
+    import pandas as pd  # here, because it takes a second to import
+
+    if frame.shape[0] == 0 or frame.shape[1] == 0:
+        raise DataError(f"the DataFrame is empty: {frame.shape[0]} rows, {frame.shape[1]} columns")
+    if frame.index.name is not None or isinstance(frame.index, pd.DatetimeIndex):
+        frame = frame.reset_index(names=frame.index.name or "t")
+    dates = [name for name in frame.columns if pd.api.types.is_datetime64_any_dtype(frame[name])]
+    since_1970 = {name: frame[name].astype("datetime64[ns]").astype("int64") for name in dates}
+    frame = frame.assign(**since_1970).rename(columns=dict.fromkeys(dates, "t_ns"))
+    return str(frame.to_csv(index=False)).splitlines()
