@@ -67,8 +67,8 @@ def write_trial(walk: SimulatedWalk, path: Path, remark: str) -> None:
     for name, stream, unit in (("acc", log.acc, "ms2"), ("gyro", log.gyro, "rads"), ("mag", log.mag, "ut")):
         rows = np.searchsorted(t_s, stream.t_s)
         for i, axis in enumerate("xyz"):
-            table.loc[rows, f"{name}_{axis}_{unit}"] = stream.values[:, i]  # noqa: PD011
-    table.loc[np.searchsorted(t_s, log.pressure.t_s), "pressure_hpa"] = log.pressure.values[:, 0]  # noqa: PD011
+            table.loc[rows, f"{name}_{axis}_{unit}"] = stream.values[:, i]
+    table.loc[np.searchsorted(t_s, log.pressure.t_s), "pressure_hpa"] = log.pressure.values[:, 0]
     table["step"] = 0
     table.loc[np.searchsorted(t_s, walk.steps.t_s).clip(max=len(t_s) - 1), "step"] = 1
     table["turn"] = "none"
