@@ -1,0 +1,136 @@
+"""Steps made by hand, and what a factor says, for tests that compute the same on paper."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import gtsam
+import numpy as np
+import numpy.typing as npt
+from gtsam.symbol_shorthand import B, X, Z
+
+from fbgraph.core.aids import Aids
+from fbgraph.core.config import GraphConfig
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.graph import GraphBuilder, Node
+from fbgraph.front_end.track import Step, StepTrack
+
+Array = npt.NDArray[np.float64]
+NAN = math.nan
+
+
+def make_step(**given: Any) -> Step:
+    """A step of 0.7 m towards East, half a second long, in silence of every sensor but the gyroscope."""
+    fields: dict[str, Any] = {
+        "t_s": 0.5,
+        "start_s": 0.0,
+        "length_m": 0.7,
+        "frequency_hz": 2.0,
+        "slope": 0.0,
+        "shortened_m": 0.0,
+        "bounce_m_s2": 5.0,
+        "yaw_s": 0.25,
+        "yaw_gyro_rad": 0.0,
+        "yaw_mag_rad": NAN,
+        "mag_norm_ut": NAN,
+        "mag_dip_rad": NAN,
+        "altitude_m": NAN,
+        "chained": True,
+        "rest_rate_rad_s": NAN,
+        "rest_sigma_rad_s": NAN,
+        "rest_s": 0.0,
+    }
+    return Step(**(fields | given))
+
+
+def stand(**given: Any) -> Step:
+    """A standing start."""
+    return make_step(**({"t_s": 0.0, "yaw_s": 0.0, "length_m": 0.0} | given))
+
+
+def walk_track(
+    yaw_rad: Sequence[float] | Array,
+    compass: Sequence[float] | Array | None = None,
+    length_m: float = 0.7,
+    bias_rad_s: float = 0.0,
+    dt_s: float = 0.5,
+    altitude_m: Sequence[float] | Array | None = None,
+    start: float = 0.4,
+) -> StepTrack:
+    """A walk of equal steps in these directions; its gyroscope starts at ``start`` and drifts by its bias."""
+    steps = [
+        stand(yaw_gyro_rad=yaw_rad[0] + start + bias_rad_s * 0.25, yaw_s=0.25)
+        if k == 0
+        else make_step(
+            t_s=k * dt_s,
+            start_s=(k - 1) * dt_s,
+            yaw_s=(k - 0.5) * dt_s,
+            length_m=length_m,
+            yaw_gyro_rad=float(yaw_rad[k - 1]) + start + bias_rad_s * (k - 0.5) * dt_s,
+            yaw_mag_rad=NAN if compass is None else float(compass[k - 1]),
+            mag_norm_ut=NAN if compass is None else 48.0,
+            mag_dip_rad=NAN if compass is None else 1.1,
+            altitude_m=NAN if altitude_m is None else float(altitude_m[k - 1]),
+        )
+        for k in range(len(yaw_rad) + 1)
+    ]
+    return StepTrack(steps)
+
+
+def graph_of(
+    steps: Sequence[Step],
+    config: GraphConfig | None = None,
+    aids: Aids | None = None,
+    compass: bool = True,
+    nodes: Sequence[Node] | None = None,
+) -> gtsam.NonlinearFactorGraph:
+    """The factors of these steps."""
+    nodes = nodes or [Node(0.0, 0.0, 0.0, 0.0, 0.0)] * len(steps)
+    builder = GraphBuilder(config or GraphConfig(), aids or Aids(), compass)
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for k, step in enumerate(steps):
+        builder.add(step, nodes[k], nodes[k - 1] if k else None, graph, values)
+    assert values.size() == 3 * len(steps)
+    return graph
+
+
+def factors_of(graph: gtsam.NonlinearFactorGraph, kind: str, *keys: int) -> list[Any]:
+    """The factors of a class on exactly these keys, in this order."""
+    every = [graph.at(i) for i in range(graph.size())]
+    return [f for f in every if type(f).__name__ == kind and tuple(f.keys()) == keys]
+
+
+def the_factor(graph: gtsam.NonlinearFactorGraph, kind: str, *keys: int) -> Any:
+    """The only one of them."""
+    (factor,) = factors_of(graph, kind, *keys)
+    return factor
+
+
+def values_at(*nodes: tuple[float, float, float, float, float]) -> gtsam.Values:
+    """Values of breadcrumbs 0, 1, …, each (x, y, z, yaw, bias)."""
+    values = gtsam.Values()
+    for k, (x_m, y_m, z_m, yaw_rad, bias) in enumerate(nodes):
+        values.insert(X(k), gtsam.Pose2(x_m, y_m, yaw_rad))
+        values.insert(Z(k), z_m)
+        values.insert(B(k), bias)
+    return values
+
+
+def sigmas_of(factor: Any) -> list[float]:
+    """Standard deviations of a factor, under its robust loss if it has one."""
+    model = factor.noiseModel()
+    model = model.noise() if isinstance(model, gtsam.noiseModel.Robust) else model
+    return [float(sigma) for sigma in model.sigmas()]
+
+
+def is_robust(factor: Any) -> bool:
+    """Whether a factor has a robust loss."""
+    return isinstance(factor.noiseModel(), gtsam.noiseModel.Robust)
+
+
+def seed_of(track: StepTrack, yaw_rad: Array, bias_rad_s: float = 0.0) -> Trajectory:
+    """A trajectory of a track's steps in these directions, one for the standing start too."""
+    zeros = np.zeros(len(track))
+    x_m = np.cumsum(track.length_m * np.cos(yaw_rad))
+    y_m = np.cumsum(track.length_m * np.sin(yaw_rad))
+    return Trajectory(track.t_s, x_m, y_m, zeros, yaw_rad, zeros + bias_rad_s)
