@@ -32,8 +32,9 @@ from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize
 from fbgraph.session import WalkInProgress
 from fbgraph.simulator.routes import load_route
-from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions
+from fbgraph.simulator.simulate import SimulatedWalk
 from fbgraph.simulator.simulate import simulate as simulate_route
+from fbgraph.simulator.simulate_options import SimulateOptions
 
 if TYPE_CHECKING:
     import pandas as pd

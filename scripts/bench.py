@@ -19,7 +19,8 @@ from fbgraph.recording.recorder import write_recording
 from fbgraph.run.summary import summarize, summary_markdown
 from fbgraph.session import cut_log
 from fbgraph.simulator.routes import load_route
-from fbgraph.simulator.simulate import SimulateOptions, simulate
+from fbgraph.simulator.simulate import simulate
+from fbgraph.simulator.simulate_options import SimulateOptions
 from fbgraph.way_back.guide import ReturnGuide
 
 

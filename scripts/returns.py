@@ -26,7 +26,8 @@ from fbgraph.readers import preset, read_log
 from fbgraph.session import cut_log
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import Route, load_route
-from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.simulator.simulate_options import SimulateOptions
 from fbgraph.way_back.guide import ReturnGuide
 from fbgraph.way_back.matcher import RouteMatcher
 from fbgraph.way_back.records import Closure, ReturnUpdate

@@ -13,7 +13,8 @@ from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import ROUTE_NAMES, load_route
-from fbgraph.simulator.simulate import SimulateOptions, simulate
+from fbgraph.simulator.simulate import simulate
+from fbgraph.simulator.simulate_options import SimulateOptions
 
 SEEDS = 30
 

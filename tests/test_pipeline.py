@@ -9,7 +9,8 @@ from fbgraph.pipeline import reconstruct
 from fbgraph.run.result import WalkResult
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import ROUTE_NAMES, load_route
-from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.simulator.simulate_options import SimulateOptions
 from fbgraph.way_back.turns import find_turns
 
 METRONOME = Walker(gait_variation=0.0, alpha_m=0.71, beta_m_s=0.0, gamma_m=0.0)

@@ -44,7 +44,7 @@ def simulate(
     from fbgraph.simulator.files import simulate_files
     from fbgraph.simulator.gait import Walker
     from fbgraph.simulator.routes import load_route
-    from fbgraph.simulator.simulate import SimulateOptions
+    from fbgraph.simulator.simulate_options import SimulateOptions
 
     walker = Walker(gait_variation=variation, shake_s=shake_s)
     options = SimulateOptions(walker=walker, noise=noise, anomalies=anomalies, duration_s=duration_s)

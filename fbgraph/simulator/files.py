@@ -14,7 +14,8 @@ from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
 from fbgraph.core.whole_writes import whole_file
 from fbgraph.readers.columns import CANONICAL
 from fbgraph.simulator.routes import Route
-from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.simulator.simulate_options import SimulateOptions
 
 
 def write_m5stickc_csv(log: SensorLog, path: Path) -> None:

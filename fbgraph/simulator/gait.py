@@ -1,49 +1,24 @@
-"""How a simulated walker moves: steps along a route, and the exact motion of a device in the hand or on the trunk.
+"""A simulated walker, and the plan of the steps by which one walks a route.
 
-The walker's own motion is a quintic spline through its steps; the device adds bounce and sway, which are harmonics of
-the stride. All of it is twice differentiable in closed form, so that simulated sensors are exact derivatives of truth.
+``plan_walk`` gives the times and places of the steps; ``body_motion`` moves the body through them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.simulator.routes import Route, SmoothPath, round_corners
 
+KNOT_COLUMNS = ("x_m", "y_m", "z_m", "yaw_rad", "distance_m", "phase", "swing", "strike", "shake")
+"""Of ``Walk.knots``."""
 _SETTLE_S = 0.5  # the body's swing dies away after the last step of a bout
-_BLOCK = 2**14  # samples at once: what the processor's cache holds
 _MIN_TURN_RAD = np.radians(10.0)  # a smaller bend of the route is not listed as a turn
-_COLUMNS = ("x_m", "y_m", "z_m", "yaw_rad", "distance_m", "phase", "swing", "strike", "shake")
-_YAW_AT, _DISTANCE_AT, _PHASE_AT = (_COLUMNS.index(name) for name in ("yaw_rad", "distance_m", "phase"))
-
-# Harmonics of the stride (2 = once a step): share of Walker.bounce_m_s2, and phase at the heel strike. Set by eye and
-# spectrum to the hand-held and chest-worn walks of RIDI (Yan, Shan, Furukawa 2018). The trunk is lowest at the heel
-# strike, slowly loaded and quickly unloaded; forward it brakes, then pushes off; sideways it sways with the stride.
-_Waves = Mapping[float, tuple[float, float]]
-_UP: _Waves = {2: (1.0, 0.0)}
-_UP_STRIKE: _Waves = {4: (0.3, -0.9), 6: (0.3, -2.2), 8: (0.2, -3.5), 10: (0.13, -4.7)}
-_UP_LIMP: _Waves = {1: (0.7, 0.4), 3: (1.5, -0.5)}  # times asymmetry
-_FORWARD: _Waves = {2: (0.45, 1.6)}
-_FORWARD_STRIKE: _Waves = {4: (0.22, 0.6), 6: (0.25, -0.3), 8: (0.2, -1.2), 10: (0.15, -2.0)}
-_LEFT: _Waves = {1: (0.25, 0.8), 3: (0.12, 0.2)}
-_LEFT_STRIKE: _Waves = {5: (0.13, -0.4), 7: (0.1, -1.0)}
-_SWAY: tuple[tuple[_Waves, _Waves], ...] = (  # yaw, pitch, roll: share of Walker.sway_deg
-    ({1: (1.0, 0.3)}, {3: (0.07, 0.0), 5: (0.05, 1.0)}),
-    ({1: (0.15, 1.0), 2: (0.25, -0.8)}, {4: (0.1, 0.3), 6: (0.08, -1.5), 10: (0.03, -2.5)}),
-    ({1: (0.4, -1.2), 2: (0.12, 0.5)}, {5: (0.07, 0.0), 6: (0.06, -2.0), 9: (0.03, 1.5)}),
-)
-_SHAKE: tuple[tuple[_Waves, _Waves], ...] = (  # size and phase at each rate in rad/s, as the IPIN 2023 logs begin
-    ({4.6: (0.17, 0.0), 15.0: (0.015, 1.0)}, {4.1: (0.8, 0.0), 6.9: (0.4, 2.0)}),  # x in metres, yaw in radians
-    ({5.3: (0.15, 1.0), 17.0: (0.012, 2.0)}, {4.7: (0.7, 2.0), 7.3: (0.4, 0.0)}),  # y, pitch
-    ({4.9: (0.18, 2.0), 13.0: (0.015, 0.0)}, {3.7: (0.7, 1.0), 6.1: (0.5, 0.0)}),  # z, roll
-)
+_YAW_AT, _DISTANCE_AT, _PHASE_AT = (KNOT_COLUMNS.index(name) for name in ("yaw_rad", "distance_m", "phase"))
 
 
 def check_options(options: object, name: str, may_be_negative: tuple[str, ...] = ()) -> None:
@@ -124,7 +99,7 @@ class Walk:
 
     Attributes:
         t_s: (K,) times of the spline's knots, increasing; the last is after the end of the walk.
-        knots: (K, 9) the columns ``_COLUMNS`` there. ``phase`` counts steps (a heel strike at every whole number),
+        knots: (K, 9) the columns ``KNOT_COLUMNS`` there. ``phase`` counts steps (a heel strike at every whole number),
             ``swing`` is how much the body swings and ``strike`` how hard the heels strike (0 standing), ``shake`` how
             much the device is shaken.
         is_step: (K,) whether a step ends at this knot.
@@ -149,70 +124,113 @@ class Walk:
 
 
 def plan_walk(route: Route, walker: Walker, rng: np.random.Generator) -> Walk:
-    """Walk a route step by step."""
-    stops = route.stops()
-    leg = route.waypoints_m[1] - route.waypoints_m[0]
-    yaw = float(np.arctan2(leg[1], leg[0]))
-    t = walker.shake_s + walker.start_hold_s + float(route.pause_s[0])
-    here = np.array([*route.waypoints_m[0], yaw, 0.0, 0.5, 0.0, 0.0, 0.0])
-    times, knots, is_step, lengths = [np.zeros(1)], [here[None]], [np.zeros(1)], []
-    turns: list[tuple[float, float]] = []
+    """The steps that walk a route, from standing before its start to standing after its end.
 
-    def stand_until(when_s: float, yaw_rad: float, shake: float = 0.0) -> None:
-        if when_s > times[-1][-1] + 1e-6:
-            knot = knots[-1][-1:].copy()
-            knot[0, [_YAW_AT, -1]] = yaw_rad, shake
-            times.append(np.array([when_s]))
-            knots.append(knot)
-            is_step.append(np.zeros(1))
+    Args:
+        route: where to, and how long to pause there.
+        walker: who walks.
+        rng: draws what is irregular about the steps.
+    """
+    plan = _Plan(route, walker, rng)
+    plan.wait()
+    for start, stop in pairwise(route.stops()):
+        plan.walk(start, stop)
+    return plan.finished()
 
-    if walker.shake_s:
-        around = yaw + 2.0 * np.pi * max(1, round(walker.shake_s / 12.0))
-        for when_s, yaw_rad in ((1.0, yaw), (walker.shake_s / 2.0, around), (walker.shake_s - 1.0, yaw)):
-            stand_until(when_s, yaw_rad, 1.0)
-        stand_until(walker.shake_s, yaw)
-    stand_until(t, yaw)
-    passed = [t]
-    pace = _Pace(walker, rng)
-    for start, stop in pairwise(stops):
-        yaw = float(knots[-1][-1, _YAW_AT])
-        waypoints_m = route.waypoints_m[start : stop + 1] + (knots[-1][-1, :3] - route.waypoints_m[start])
+
+class _Plan:
+    """A walk while it is being planned, from one stop of the route to the next."""
+
+    def __init__(self, route: Route, walker: Walker, rng: np.random.Generator) -> None:
+        """The walker stands at the start, facing the first leg."""
+        self._route, self._walker, self._pace = route, walker, _Pace(walker, rng)
+        leg = route.waypoints_m[1] - route.waypoints_m[0]
+        self._yaw = float(np.arctan2(leg[1], leg[0]))
+        self._t = walker.shake_s + walker.start_hold_s + float(route.pause_s[0])
+        here = np.array([*route.waypoints_m[0], self._yaw, 0.0, 0.5, 0.0, 0.0, 0.0])
+        self._times, self._knots, self._is_step = [np.zeros(1)], [here[None]], [np.zeros(1)]
+        self._lengths: list[FloatArray] = []
+        self._turns: list[tuple[float, float]] = []
+        self._passed: list[float] = []
+
+    def wait(self) -> None:
+        """Shake the device if the walker does, then stand until the first step."""
+        walker, yaw = self._walker, self._yaw
+        if walker.shake_s:
+            around = yaw + 2.0 * np.pi * max(1, round(walker.shake_s / 12.0))
+            for when_s, yaw_rad in ((1.0, yaw), (walker.shake_s / 2.0, around), (walker.shake_s - 1.0, yaw)):
+                self._stand_until(when_s, yaw_rad, 1.0)
+            self._stand_until(walker.shake_s, yaw)
+        self._stand_until(self._t, yaw)
+        self._passed.append(self._t)
+
+    def walk(self, start: int, stop: int) -> None:
+        """Walk from one stop to the next (indices of waypoints), and pause there."""
+        route, walker = self._route, self._walker
+        yaw = float(self._knots[-1][-1, _YAW_AT])
+        waypoints_m = route.waypoints_m[start : stop + 1] + (self._knots[-1][-1, :3] - route.waypoints_m[start])
         if walker.gait_variation == 0:
-            waypoints_m = pace.fitted(waypoints_m, yaw)
+            waypoints_m = self._pace.fitted(waypoints_m, yaw)
         path = round_corners(waypoints_m, walker.turn_length_m, yaw)
-        if abs(angle := float(path.yaw_rad[0]) - yaw) > 1e-9:
+        self._turn_on_the_spot(yaw, float(path.yaw_rad[0]))
+        step_t, step_s, swing, strike = self._pace.steps(path, self._t)
+        self._pass_waypoints(path, step_t, step_s)
+        self._lengths.append(np.diff(step_s, prepend=0.0))
+        self._add_steps(path, step_t, step_s, swing, strike)
+        self._t = float(step_t[-1]) + max(_SETTLE_S, float(route.pause_s[stop]))
+        self._stand_until(self._t, float(path.yaw_rad[-1]))
+
+    def finished(self) -> Walk:
+        """The walk, after standing still at its end."""
+        t = self._t
+        t += max(self._walker.end_hold_s - (t - float(self._passed[-1])), 0.0)
+        self._stand_until(t + 1.0, float(self._knots[-1][-1, _YAW_AT]))  # samples may be read a little after the end
+        return Walk(
+            t_s=np.concatenate(self._times),
+            knots=np.concatenate(self._knots),
+            is_step=np.concatenate(self._is_step) > 0,
+            step_length_m=np.concatenate(self._lengths),
+            turns=tuple(self._turns),
+            passed_s=np.array(self._passed),
+            end_s=t,
+        )
+
+    def _stand_until(self, when_s: float, yaw_rad: float, shake: float = 0.0) -> None:
+        if when_s > self._times[-1][-1] + 1e-6:
+            knot = self._knots[-1][-1:].copy()
+            knot[0, [_YAW_AT, -1]] = yaw_rad, shake
+            self._times.append(np.array([when_s]))
+            self._knots.append(knot)
+            self._is_step.append(np.zeros(1))
+
+    def _turn_on_the_spot(self, from_rad: float, to_rad: float) -> None:
+        if abs(angle := to_rad - from_rad) > 1e-9:
             if abs(angle) >= _MIN_TURN_RAD:
-                turns.append((t + 0.35 + 0.25 * abs(angle), angle))
-            t += 0.7 + 0.5 * abs(angle)
-            stand_until(t, float(path.yaw_rad[0]))
-        step_t, step_s, swing, strike = pace.steps(path, t)
-        reached = np.interp(path.waypoint_s_m[1:], np.append(0.0, step_s), np.append(t, step_t))
-        passed += reached.tolist()
+                self._turns.append((self._t + 0.35 + 0.25 * abs(angle), angle))
+            self._t += 0.7 + 0.5 * abs(angle)
+            self._stand_until(self._t, to_rad)
+
+    def _pass_waypoints(self, path: SmoothPath, step_t: FloatArray, step_s: FloatArray) -> None:
+        """When the waypoints are reached, and the turns at them."""
+        reached = np.interp(path.waypoint_s_m[1:], np.append(0.0, step_s), np.append(self._t, step_t))
+        self._passed += reached.tolist()
         bends = np.diff(path.yaw_rad)[1::2]
-        turns += [
+        self._turns += [
             (at, by) for at, by in zip(reached.tolist(), bends.tolist(), strict=False) if abs(by) >= _MIN_TURN_RAD
         ]
-        lengths.append(np.diff(step_s, prepend=0.0))
-        first = np.floor(knots[-1][-1, _PHASE_AT]) + 1.0
+
+    def _add_steps(
+        self, path: SmoothPath, step_t: FloatArray, step_s: FloatArray, swing: FloatArray, strike: FloatArray
+    ) -> None:
+        """A knot at each step, and one where the body has settled after the last."""
+        first = np.floor(self._knots[-1][-1, _PHASE_AT]) + 1.0
         phase = first + np.append(np.arange(len(step_t)), len(step_t) - 0.5)  # who stands is between two steps
         s, rest = np.append(step_s, step_s[-1]), np.zeros(len(step_s) + 1)
         swing, strike = np.append(swing, 0.0), np.append(strike, 0.0)
-        times.append(np.append(step_t, step_t[-1] + _SETTLE_S))
-        knots.append(np.column_stack((*path.at(s), knots[-1][-1, _DISTANCE_AT] + s, phase, swing, strike, rest)))
-        is_step.append(np.append(np.ones(len(step_t)), 0.0))
-        t = float(step_t[-1]) + max(_SETTLE_S, float(route.pause_s[stop]))
-        stand_until(t, float(path.yaw_rad[-1]))
-    t += max(walker.end_hold_s - (t - float(passed[-1])), 0.0)
-    stand_until(t + 1.0, float(knots[-1][-1, _YAW_AT]))  # samples may be read a little after the end
-    return Walk(
-        t_s=np.concatenate(times),
-        knots=np.concatenate(knots),
-        is_step=np.concatenate(is_step) > 0,
-        step_length_m=np.concatenate(lengths),
-        turns=tuple(turns),
-        passed_s=np.array(passed),
-        end_s=t,
-    )
+        distance = self._knots[-1][-1, _DISTANCE_AT] + s
+        self._times.append(np.append(step_t, step_t[-1] + _SETTLE_S))
+        self._knots.append(np.column_stack((*path.at(s), distance, phase, swing, strike, rest)))
+        self._is_step.append(np.append(np.ones(len(step_t)), 0.0))
 
 
 class _Pace:
@@ -280,190 +298,3 @@ class _Pace:
         self._slow = keep * self._slow + cadence_sigma * np.sqrt(1.0 - keep**2) * drive
         sigmas = (cadence_sigma, walker.length_sigma, walker.swing_sigma, 3.0 * walker.swing_sigma)
         return scale * self._slow, *(scale * sigma * value for sigma, value in zip(sigmas, fast, strict=True))
-
-
-@dataclass(frozen=True)
-class Jet:
-    """A quantity over time with its first two derivatives, each (N,)."""
-
-    value: FloatArray
-    rate: FloatArray
-    accel: FloatArray
-
-    def __add__(self, other: Jet) -> Jet:
-        return Jet(self.value + other.value, self.rate + other.rate, self.accel + other.accel)
-
-    def __mul__(self, other: Jet | float) -> Jet:
-        if not isinstance(other, Jet):
-            return Jet(self.value * other, self.rate * other, self.accel * other)
-        return Jet(
-            self.value * other.value,
-            self.rate * other.value + self.value * other.rate,
-            self.accel * other.value + 2.0 * self.rate * other.rate + self.value * other.accel,
-        )
-
-    def waves(self, waves: _Waves) -> Jet:
-        """Sum of share * cos(multiple * self + phase)."""
-        value, slope, bend = np.zeros((3, len(self.value)))
-        for multiple, (share, phase) in waves.items():
-            angle = multiple * self.value + phase
-            cos, sin = share * np.cos(angle), (share * multiple) * np.sin(angle)
-            value += cos
-            slope -= sin
-            bend -= multiple**2 * cos
-        return Jet(value, slope * self.rate, bend * self.rate**2 + slope * self.accel)
-
-
-@dataclass(frozen=True)
-class DeviceMotion:
-    """The device at N moments: place and acceleration (N, 3) in the world frame, attitude nRh and rate in h.
-
-    h is the carrying frame: x forward, y left, z up where it is level and does not sway. How the device sits in it is
-    its mount.
-    """
-
-    xyz_m: FloatArray
-    accel_n: FloatArray
-    quat_wxyz: FloatArray
-    rate_h: FloatArray
-
-
-class Motion:
-    """The motion of walker and device at any time of a walk; all derivatives exact."""
-
-    def __init__(self, walk: Walk, walker: Walker, rng: np.random.Generator) -> None:
-        self._walker = walker
-        self._curves = _spline(walk)
-
-        def irregular(slowest: float, fastest: float, size_deg: float) -> list[_Waves]:
-            size = np.radians(size_deg) * walker.gait_variation / 2.0
-            rates, phases = 2.0 * np.pi * rng.uniform(slowest, fastest, (3, 2)), rng.uniform(0.0, 2.0 * np.pi, (3, 2))
-            return [
-                {rate: (size, phase) for rate, phase in zip(*axis, strict=True)}
-                for axis in zip(rates.tolist(), phases.tolist(), strict=True)
-            ]
-
-        # wandering by steps, so that it rests with the walker; trembling by seconds
-        self._drift = irregular(1.0 / 100.0, 1.0 / 40.0, walker.attitude_drift_deg)
-        self._tremor = irregular(0.4, 3.0, walker.tremor_deg)
-
-    def walker_pose(self, t_s: FloatArray) -> FloatArray:
-        """(N, 4) x, y, z and walking direction (unwrapped) of the walker, without bounce and sway."""
-        return np.asarray(self._curves(t_s)[:, :4])
-
-    def device(self, t_s: FloatArray) -> DeviceMotion:
-        """The device, which moves about the walker's pose and coincides with it when standing."""
-        parts = [self._device(t_s[i : i + _BLOCK]) for i in range(0, len(t_s), _BLOCK)]
-        names = ("xyz_m", "accel_n", "quat_wxyz", "rate_h")
-        return DeviceMotion(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-    def _device(self, t_s: FloatArray) -> DeviceMotion:
-        curve = self._jets(t_s)
-        x, y, z = self._position(curve)
-        yaw, pitch, roll = self._angles(curve)
-        (cy, cp, cr), (sy, sp, sr) = ([f(a.value / 2.0) for a in (yaw, pitch, roll)] for f in (np.cos, np.sin))
-        quat = (
-            cy * cp * cr + sy * sp * sr,
-            cy * cp * sr - sy * sp * cr,
-            cy * sp * cr + sy * cp * sr,
-            sy * cp * cr - cy * sp * sr,
-        )
-        sin_p, cos_p, sin_r, cos_r = np.sin(pitch.value), np.cos(pitch.value), np.sin(roll.value), np.cos(roll.value)
-        rate = (
-            roll.rate - yaw.rate * sin_p,
-            pitch.rate * cos_r + yaw.rate * cos_p * sin_r,
-            yaw.rate * cos_p * cos_r - pitch.rate * sin_r,
-        )
-        return DeviceMotion(
-            xyz_m=np.column_stack((x.value, y.value, z.value)),
-            accel_n=np.column_stack((x.accel, y.accel, z.accel)),
-            quat_wxyz=np.column_stack(quat),
-            rate_h=np.column_stack(rate),
-        )
-
-    def _jets(self, t_s: FloatArray) -> dict[str, Jet]:
-        value, rate, accel = (np.ascontiguousarray(self._curves(t_s, nu).T) for nu in (0, 1, 2))
-        jets = {name: Jet(value[i], rate[i], accel[i]) for i, name in enumerate(_COLUMNS)}
-        jets["stride"] = jets["phase"] * np.pi
-        jets["time"] = Jet(t_s, np.ones(len(t_s)), np.zeros(len(t_s)))
-        return jets
-
-    def _position(self, curve: dict[str, Jet]) -> tuple[Jet, Jet, Jet]:
-        """x, y, z in metres."""
-        walker = self._walker
-
-        def swing(swing: _Waves, strike: _Waves, size_m_s2: float) -> Jet:
-            usual = np.pi * walker.cadence_hz
-            in_metres = [
-                {multiple: (-share / (multiple * usual) ** 2, phase) for multiple, (share, phase) in part.items()}
-                for part in (swing, strike)
-            ]
-            return _swing(curve, *in_metres) * size_m_s2
-
-        up = swing(_UP, _UP_STRIKE, walker.bounce_m_s2) + swing(_UP_LIMP, {}, walker.bounce_m_s2 * walker.asymmetry)
-        forward = swing(_FORWARD, _FORWARD_STRIKE, walker.bounce_m_s2)
-        left = swing(_LEFT, _LEFT_STRIKE, walker.bounce_m_s2)
-        cos, sin = curve["yaw_rad"].waves({1: (1.0, 0.0)}), curve["yaw_rad"].waves({1: (1.0, -np.pi / 2.0)})
-        x = curve["x_m"] + forward * cos + left * sin * -1.0
-        y = curve["y_m"] + forward * sin + left * cos
-        z = curve["z_m"] + up
-        if walker.shake_s:
-            x, y, z = (
-                axis + curve["shake"] * curve["time"].waves(shaking)
-                for axis, (shaking, _) in zip((x, y, z), _SHAKE, strict=True)
-            )
-        return x, y, z
-
-    def _angles(self, curve: dict[str, Jet]) -> tuple[Jet, Jet, Jet]:
-        """Yaw, pitch (about the left axis) and roll (about the forward axis) of h, turned in this order."""
-        angles = [
-            _swing(curve, swing, strike) * np.radians(self._walker.sway_deg)
-            + curve["phase"].waves(self._drift[axis])
-            + curve["time"].waves(self._tremor[axis])
-            for axis, (swing, strike) in enumerate(_SWAY)
-        ]
-        if self._walker.shake_s:
-            angles = [
-                angle + curve["shake"] * curve["time"].waves(turning)
-                for angle, (_, turning) in zip(angles, _SHAKE, strict=True)
-            ]
-        return curve["yaw_rad"] + angles[0], angles[1], angles[2]
-
-
-def _swing(curve: dict[str, Jet], swing: _Waves, strike: _Waves) -> Jet:
-    """What swings with the stride, some of it with how hard the heels strike."""
-    return curve["swing"] * curve["stride"].waves(swing) + curve["strike"] * curve["stride"].waves(strike)
-
-
-def _spline(walk: Walk) -> PPoly:
-    """Quintic Hermite spline, a curve for each column, with continuous acceleration through the knots of a walk."""
-    t, knots = walk.t_s, walk.knots
-    rate, accel = np.zeros_like(knots), np.zeros_like(knots)
-    for column in (_COLUMNS.index("z_m"), _YAW_AT, _DISTANCE_AT, _PHASE_AT):
-        rate[:, column] = _knot_rates(t, knots[:, column])
-    yaw, speed, turning = knots[:, _YAW_AT], rate[:, _DISTANCE_AT], rate[:, _YAW_AT]
-    rate[:, 0], rate[:, 1] = speed * np.cos(yaw), speed * np.sin(yaw)
-    accel[:, 0], accel[:, 1] = -speed * turning * np.sin(yaw), speed * turning * np.cos(yaw)
-    dt = np.diff(t)[:, None]
-    rise = np.diff(knots, axis=0)
-    v0, v1, a0, a1 = rate[:-1] * dt, rate[1:] * dt, accel[:-1] * dt**2, accel[1:] * dt**2
-    coefficients = np.stack(
-        (
-            (6.0 * rise - 3.0 * (v1 + v0) - (a0 - a1) / 2.0) / dt**5,
-            (-15.0 * rise + 7.0 * v1 + 8.0 * v0 + (3.0 * a0 - 2.0 * a1) / 2.0) / dt**4,
-            (10.0 * rise - 4.0 * v1 - 6.0 * v0 - (3.0 * a0 - a1) / 2.0) / dt**3,
-            a0 / 2.0 / dt**2,
-            v0 / dt,
-            knots[:-1],
-        )
-    )
-    return PPoly(coefficients, t)
-
-
-def _knot_rates(t_s: FloatArray, values: FloatArray) -> FloatArray:
-    """Rates that never overshoot (Fritsch & Butland 1984): harmonic mean of the neighbouring slopes, 0 at extremes."""
-    slope = np.diff(values) / np.diff(t_s)
-    before, after = slope[:-1], slope[1:]
-    same = before * after > 0
-    inner = np.where(same, 2.0 * before * after / np.where(same, before + after, 1.0), 0.0)
-    return np.concatenate(([0.0], inner, [0.0]))

@@ -11,7 +11,8 @@ import numpy as np
 from fbgraph.core.errors import ConfigError
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import load_route
-from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.simulator.simulate_options import SimulateOptions
 
 TRIALS = 36
 """As in the paper."""
