@@ -32,7 +32,9 @@ from fbgraph.front_end.signals import LevelledSignals
 from fbgraph.front_end.track import StepTrack
 from fbgraph.recording import scene
 from fbgraph.recording.blueprint import blueprint
-from fbgraph.recording.scene import FAINT, MOST_LABELS, SIGMAS, ordered
+from fbgraph.recording.checkpoint_errors import errors_at_checkpoints, record_errors
+from fbgraph.recording.factor_residuals import record_residuals
+from fbgraph.recording.scene import FAINT, SIGMAS, ordered
 from fbgraph.recording.writer import Rgba, RrdWriter
 from fbgraph.run.lanes import (
     ARRIVED,
@@ -50,16 +52,13 @@ from fbgraph.run.lanes import (
     returning_lane,
     wearer_lane,
 )
-from fbgraph.run.metrics import checkpoint_errors, leg_errors
 from fbgraph.run.result import WalkResult
-from fbgraph.run.scores import score_label
 from fbgraph.way_back.legs import directions_of
 from fbgraph.way_back.records import ReturnUpdate
 from fbgraph.way_back.texts import as_text
 
 _ACC_NORM_HZ = 20.0  # of |acc| beside the steps; the raw stream has every sample
 _PAUSE_S = 3.0  # curves of steps are broken where nobody stepped for longer
-_QUIET_SIGMA = 0.01  # residuals that never exceed it are in the table only
 _SENSORS = {
     # unit, and a power of two finer than the sensor resolves: rounded to it, numbers take a third less of the file
     "acc": ("m/s²", 2.0**-9),
@@ -213,11 +212,11 @@ class Recorder:
     def finished(self, result: WalkResult, summary_markdown: str, active_tab: int = 0) -> None:
         """What only the whole walk tells; what it shares with the walk in progress must have been logged."""
         rrd = self._rrd
-        errors = _errors(result)
+        errors = errors_at_checkpoints(result)
         rrd.fixed("summary", rr.TextDocument(summary_markdown, media_type=rr.MediaType.MARKDOWN))
         self._hindsight(result)
-        self._graph(result)
-        self._errors(result, errors)
+        record_residuals(rrd, result)
+        record_errors(rrd, result, errors)
         self._lane("compass", compass_lane(result), _COMPASS_COLORS)
         self._lane("known_places", places_lane(result), _PLACE_COLORS)
         self._way_back(result)
@@ -277,20 +276,6 @@ class Recorder:
         label = ["share of its pull left to the compass"]
         rrd.series("state/compass_trust", track.t_s, trust, label, sensor, max_gap_s=_PAUSE_S)
 
-    def _graph(self, result: WalkResult) -> None:
-        """Residuals and weights by kind of factor, and how the solver got there."""
-        rrd, smoothed = self._rrd, result.smoothed
-        for kind in smoothed.residuals:
-            t_s, label = smoothed.trajectory.t_s[kind.k], [kind.name.replace("_", " ")]
-            if np.abs(kind.whitened).max() > _QUIET_SIGMA:
-                entity, color = f"residuals/{kind.name}", _kind_color(kind.name)
-                rrd.series(entity, t_s, kind.whitened, label, [color], points=_CIRCLE)
-            if kind.weight.min() < 1.0:
-                rrd.series(f"weights/{kind.name}", t_s, kind.weight, label, [_kind_color(kind.name)], points=_CIRCLE)
-        errors = np.log10(np.maximum(smoothed.errors, 1e-12))
-        rrd.fixed("solver/log10_error", rr.BarChart(errors, color=COLORS["smoothed"]))
-        rrd.fixed("graph", rr.TextDocument(_graph_markdown(result), media_type=rr.MediaType.MARKDOWN))
-
     def _way_back(self, result: WalkResult) -> None:
         """Where the way back leads, and how it is told."""
         log, compass = (
@@ -309,25 +294,6 @@ class Recorder:
         scene.draw_way_back(self._rrd, back)
         listed = as_text(back).replace("\n\n", "\n\n\n")
         self._rrd.fixed("return/instructions", rr.TextDocument(listed, media_type=rr.MediaType.MARKDOWN))
-
-    def _errors(self, result: WalkResult, errors: dict[str, tuple[FloatArray, FloatArray]]) -> None:
-        """Errors at the checkpoints, and of each leg between two of them in length and direction."""
-        rrd = self._rrd
-        for name, (t_s, error_m) in errors.items():
-            rrd.series(f"error_m/{name}", t_s, error_m, [LABELS[name]], [COLORS[name]], width=2.0)
-            if len(t_s) <= MOST_LABELS:
-                rrd.series(
-                    f"error_m/{name}_at", t_s, error_m, [LABELS[name]], [COLORS[name]], width=3.0, points=_CIRCLE
-                )
-            assert result.told.truth is not None  # there are errors
-            legs = leg_errors(result.trajectories[name], result.told.truth, result.log.t0_s)
-            edges_s = np.append(legs.start_s, legs.end_s[-1:])
-            for what, values in (
-                ("length_percent", 100.0 * legs.length_rel),
-                ("direction_deg", np.degrees(legs.yaw_rad)),
-            ):
-                held = np.append(values, values[-1:])
-                rrd.series(f"legs/{what}/{name}", edges_s, held, [LABELS[name]], [COLORS[name]], width=2.0, stairs=True)
 
 
 def write_recording(result: WalkResult, path: Path, summary_markdown: str, active_tab: int = 0) -> None:
@@ -357,65 +323,6 @@ def write_recording(result: WalkResult, path: Path, summary_markdown: str, activ
         recorder.returned(result.returning, result.trajectories["online"])
     recorder.finished(result, summary_markdown, active_tab)
     rrd.save(path, recorder.arranged)
-
-
-def _kind_color(name: str) -> Rgba:
-    """Of a kind of factor."""
-    colors: dict[str, Rgba] = {
-        "step_length": (200, 200, 200),
-        "step_sideways": (166, 118, 29),
-        "heading": COLORS["ekf"],
-        "bias_drift": COLORS["online"],
-        "compass": COLORS["sensor"],
-        "barometer": COLORS["pdr"],
-        "climb": COLORS["smoothed"],
-        "standing_still": COLORS["truth"],
-        "closure": COLORS["closure"],
-    }
-    return colors.get(name, COLORS["anchor"])
-
-
-def _graph_markdown(result: WalkResult) -> str:
-    """What the graph is made of and how it was solved."""
-    smoothed = result.smoothed
-    lines = [
-        "# The factor graph",
-        f"{len(smoothed.trajectory)} breadcrumbs, {smoothed.factors} factors.",
-        "",
-        "A residual is the estimate minus the measurement in standard deviations. RMS up to 1 is what the sigmas "
-        "promised (well below it where errors of neighbours go together, as the compass's do), far above 1 is a model "
-        "that does not fit. The last column counts factors that the robust loss left less than half their pull.",
-        "",
-        "| factor | how many | RMS (σ) | worst (σ) | at | below half |",
-        "|---|---|---|---|---|---|",
-    ]
-    for kind in smoothed.residuals:
-        worst = int(np.argmax(np.abs(kind.whitened)))
-        doubted = int((kind.weight < 0.5).sum())
-        at_s = smoothed.trajectory.t_s[kind.k[worst]]
-        lines.append(
-            f"| {kind.name.replace('_', ' ')} | {len(kind.k)} | {kind.rms:.2f} | {kind.whitened[worst]:+.1f} | "
-            f"{at_s:.0f} s | {doubted or '–'} |"
-        )
-    lines += ["", "# The solver", "", "| iteration | error |", "|---|---|"]
-    lines += [f"| {i} | {error:.4g} |" for i, error in enumerate(smoothed.errors)]
-    return "\n".join(lines) + "\n"
-
-
-def _errors(result: WalkResult) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """By estimator: times and horizontal errors at the truth's checkpoints, aligned as in scoring."""
-    if result.told.truth is None:
-        return {}
-    t_s = result.told.truth.t_s - result.log.t0_s
-    errors = {}
-    for name, trajectory in ordered(result):
-        _, alignment = score_label(name, result.told.anchors is not None, result.told.closed_walk)
-        try:
-            error_m = checkpoint_errors(trajectory, result.told.truth, result.log.t0_s, alignment)
-        except DataError:  # truth of another log; who scores complains, the recording shows what there is
-            continue
-        errors[name] = (t_s[len(t_s) - len(error_m) :], error_m)
-    return errors
 
 
 def _laps(yaw_rad: FloatArray) -> FloatArray:

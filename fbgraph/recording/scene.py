@@ -17,7 +17,7 @@ from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.palette import COLORS, LABELS
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.answers import Belief
-from fbgraph.recording.blueprint import Frame
+from fbgraph.recording.map_frame import Frame
 from fbgraph.recording.writer import RrdWriter
 from fbgraph.run.lanes import DOUBTED, compass_lane
 from fbgraph.run.result import ESTIMATORS, WalkResult

@@ -14,7 +14,9 @@ from rerun.chunk import Chunk, RrdReader
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.recording.blueprint import Frame, arranged, question_tabs
+from fbgraph.recording.blueprint import arranged
+from fbgraph.recording.map_frame import Frame
+from fbgraph.recording.tab_layout import question_tabs
 from fbgraph.recording.writer import RrdWriter
 from fbgraph.run.reading import read_summary
 

@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from fbgraph.core.palette import COLORS
-from fbgraph.recording.blueprint import Frame
+from fbgraph.recording.map_frame import Frame
 from fbgraph.recording.writer import RrdWriter
 from fbgraph.study.protocol import LABELS, StudyResult
 
