@@ -1,4 +1,4 @@
-"""The way back: what a walker is told, and that following it leads to the start."""
+"""``fbgraph guide``: the way back as it is printed and exported, and that following it leads to the start."""
 
 import csv
 import io
@@ -15,23 +15,16 @@ from typing import Any
 import gpxpy
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from fbgraph import cli
 from fbgraph.core.config import load_config
-from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.log import Event
-from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import read_log
-from fbgraph.run.metrics import score_turns
 from fbgraph.run.reading import read_directions
-from fbgraph.simulator.routes import ROUTE_NAMES, load_route
+from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate
-from fbgraph.way_back.legs import Directions, directions_of
-from fbgraph.way_back.texts import distance_text, heading_text, instructions, turn_text
-from fbgraph.way_back.turns import find_turns
+from fbgraph.way_back.texts import instructions
 
 CONFIG = load_config("m5stickc")
 Guide = Callable[..., str]
@@ -61,30 +54,6 @@ def guide(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
         return printed.err if code else printed.out
 
     return call
-
-
-def trajectory(yaw_deg: np.ndarray, step_m: float | np.ndarray = 0.7, z_m: np.ndarray | float = 0.0) -> Trajectory:
-    """Breadcrumbs of steps in these directions."""
-    yaw = np.radians(np.append(yaw_deg[:1], yaw_deg))
-    x, y = (np.append(0.0, np.cumsum(step_m * f(yaw[1:]))) for f in (np.cos, np.sin))
-    return Trajectory(0.55 * np.arange(len(yaw)), x, y, np.broadcast_to(z_m, yaw.shape), yaw, np.zeros(len(yaw)))
-
-
-def wobbly(*legs: tuple[float, int], sigma_deg: float = 2.0) -> np.ndarray:
-    yaw = np.concatenate([np.full(count, direction) for direction, count in legs])
-    return yaw + np.random.default_rng(0).normal(0.0, sigma_deg, len(yaw))
-
-
-def off_path_m(found: Directions) -> float:
-    """How far somebody who follows the instructions exactly gets from the ends of the legs."""
-    here, off = np.array(found.points_m[0][:2]), 0.0
-    for leg in found.legs:
-        here = here + leg.length_m * np.array(leg.direction)
-        off = max(off, float(np.hypot(*(here - leg.points_m[-1][:2]))))
-    return off
-
-
-# what is printed
 
 
 def test_the_text_leads_from_the_end_over_every_turn_to_the_start(guide: Guide, run: Path) -> None:
@@ -272,155 +241,3 @@ def test_a_real_walk_out_and_back_is_told_by_its_corridors(shared_data: Path, tm
     turns = [math.degrees(back.turn_rad(i)) for i in range(1, len(back.legs))]
     assert np.abs(turns) == pytest.approx([90, 90, 90, 180, 90, 90, 90], abs=12)
     assert instructions(back)[-1] == "You are back at the start, at “before the walk”."
-
-
-# words
-
-
-def test_words_are_those_of_people() -> None:
-    assert [turn_text(math.radians(angle)) for angle in (85.0, -37.0, 141.0, -175.0)] == [
-        "turn left 85°",
-        "bear right 35°",
-        "turn sharp left 140°",
-        "turn around",
-    ]
-    assert [heading_text(math.radians(90.0 - h)) for h in (0.0, 210.0, 359.6, 45.0)] == [
-        "000° N",
-        "210° SW",
-        "000° N",
-        "045° NE",
-    ]
-    assert distance_text(23.3, 0.69) == "23 m (34 steps)"
-    assert distance_text(0.7, 0.69, "steps") == "1 step (0.7 m)"
-
-
-def test_a_climb_is_told_where_it_is() -> None:
-    stairs = np.interp(np.arange(61), (20, 35), (0.0, -6.0))
-    slope = np.interp(np.arange(61), (0, 60), (0.0, 4.0))
-    hill = np.interp(np.arange(61), (0, 30, 60), (0.0, 5.0, 0.0))
-    for z_m, there, back in (
-        (stairs, "6 m down between 15 m and 24 m", "6 m up between 18 m and 27 m"),
-        (slope, "4 m up.", "4 m down."),
-        (hill, "5 m up between 2.1 m and 19 m, 5 m down between 23 m and 40 m", "5 m up between 2.1 m and 19 m"),
-        (0.9 * slope / 4.0, "heading 090° E.", "heading"),
-    ):
-        found = directions_of(trajectory(np.zeros(60), z_m=z_m))
-        if "heading" in there:
-            assert "up" not in instructions(found)[0]
-        else:
-            assert there in instructions(found)[0]
-            assert back in instructions(found.reversed())[0]
-
-
-# turns
-
-
-@pytest.mark.parametrize("route", ROUTE_NAMES)
-def test_turns_of_simulated_walks_are_found_and_no_others(route: str) -> None:
-    for seed in range(200, 204):
-        walk = simulate(load_route(route), seed=seed)
-        smoothed = reconstruct(walk.log, CONFIG).smoothed.trajectory
-        score = score_turns(smoothed, walk.turns.t_s, walk.turns.angle_rad)
-        assert (score.missed, score.phantom) == ((), ())
-        assert score.found == (np.abs(walk.turns.angle_rad) >= math.radians(30)).sum()
-        assert np.abs(np.degrees(score.error_rad)).max(initial=0.0) < 15.0
-
-
-@pytest.mark.parametrize("curve_deg", [40.0, 90.0, -180.0, 360.0])
-@pytest.mark.parametrize("steps", [10, 15, 30])
-def test_a_gradual_curve_is_walked_in_turns(curve_deg: float, steps: int) -> None:
-    yaw = np.concatenate((np.zeros(20), np.linspace(0.0, curve_deg, steps), np.full(20, curve_deg)))
-    found = directions_of(trajectory(yaw + wobbly((0.0, len(yaw)))))
-    turns = [found.turn_rad(i) for i in range(1, len(found.legs))]
-    assert math.degrees(sum(turns)) == pytest.approx(curve_deg, abs=8.0)
-    assert min(np.abs(turns)) >= math.radians(30.0)
-    assert off_path_m(found) < 1.5
-
-
-@pytest.mark.parametrize(
-    ("legs", "sigma_deg"),
-    [
-        ([(0.0, 300)], 2.0),
-        ([(0.0, 300)], 15.0),
-        ([(0.0, 30), (25.0, 30), (5.0, 30)], 3.0),  # bends, not turns
-        ([(0.0, 30), (360.0, 30)], 2.0),  # once around on the spot
-        ([(0.0, 30), (60.0, 1), (0.0, 30)], 2.0),  # a stumble
-    ],
-)
-def test_what_is_no_turn(legs: list[tuple[float, int]], sigma_deg: float) -> None:
-    assert find_turns(trajectory(wobbly(*legs, sigma_deg=sigma_deg))) == []
-
-
-def test_an_unsteady_walk_still_has_its_turns() -> None:
-    turns = find_turns(trajectory(wobbly((0.0, 15), (90.0, 15), (45.0, 15), (-135.0, 15), sigma_deg=8.0)))
-    assert [turn.breadcrumb for turn in turns] == pytest.approx([15, 30, 45], abs=1)
-    assert np.degrees([turn.angle_rad for turn in turns[:2]]) == pytest.approx([90, -45], abs=8)
-
-
-def test_legs_are_as_uncertain_as_they_say() -> None:
-    """Error of a leg between the true corners over its sigma, rms, both axes; across is given as a bound."""
-    ratios = []
-    for seed in range(12):
-        walk = simulate(load_route("square"), seed=seed)
-        found = directions_of(reconstruct(walk.log, CONFIG).smoothed.trajectory, graph=CONFIG.graph)
-        corners = np.column_stack((walk.turns.x_m, walk.turns.y_m))
-        corners = np.vstack(((walk.x_m[0], walk.y_m[0]), corners, (walk.x_m[-1], walk.y_m[-1])))
-        for leg, true in zip(found.legs, np.diff(corners, axis=0), strict=True):
-            assert leg.sigma_along_m is not None
-            assert leg.sigma_across_m is not None
-            error = np.subtract(leg.points_m[-1], leg.points_m[0])[:2] - true
-            across = error @ (-leg.direction[1], leg.direction[0])
-            ratios.append((error @ leg.direction / leg.sigma_along_m, across / leg.sigma_across_m))
-    along, across = np.sqrt(np.mean(np.square(ratios), axis=0))
-    assert 0.7 < along < 1.4
-    assert 0.4 < across < 1.2
-
-
-# the way itself
-
-YAWS = st.lists(st.floats(-400.0, 400.0), min_size=2, max_size=60).map(np.array)
-EVENTS = st.lists(st.tuples(st.floats(-5.0, 40.0), st.text(min_size=1, max_size=3)), max_size=8)
-
-
-@settings(max_examples=150, deadline=None)
-@given(yaw_deg=YAWS, events=EVENTS, data=st.data())
-def test_back_and_back_again_is_the_way_itself(
-    yaw_deg: np.ndarray, events: list[tuple[float, str]], data: st.DataObject
-) -> None:
-    count = len(yaw_deg)
-    step_m = np.array(data.draw(st.lists(st.floats(0.05, 1.2), min_size=count, max_size=count)))
-    z_m = np.array(data.draw(st.lists(st.floats(-8.0, 8.0), min_size=count + 1, max_size=count + 1)))
-    walked = trajectory(yaw_deg, step_m, z_m)
-    there = directions_of(walked, events)
-    back = there.reversed()
-    assert back.reversed() == there
-    assert back != there
-    assert back.points_m == there.points_m[::-1]
-    assert np.array_equal(there.points_m, np.column_stack((walked.xy_m, walked.z_m)))
-    assert there.length_m == back.length_m == pytest.approx(walked.distance_m[-1])
-    assert sorted(mark.label for leg in back.legs for mark in leg.landmarks) == sorted(label for _, label in events)
-    for leg, same in zip(there.legs, reversed(back.legs), strict=True):
-        assert leg.length_m == same.length_m
-        assert leg.rise_m == -same.rise_m
-        for mark in leg.landmarks:
-            assert mark.after_m + mark.before_m == pytest.approx(leg.length_m)
-    assert len(instructions(back)) == len(back.legs) + 1
-
-
-def test_a_left_turn_is_a_right_turn_on_the_way_back_and_directions_are_opposite() -> None:
-    there = directions_of(trajectory(wobbly((0.0, 10), (90.0, 20))))
-    back = there.reversed()
-    assert there.turn_rad(1) == pytest.approx(math.pi / 2, abs=0.1)
-    assert back.turn_rad(1) == pytest.approx(-there.turn_rad(1))
-    assert back.legs[0].yaw_rad == pytest.approx(-math.pi / 2, abs=0.1)
-    assert instructions(there)[0].startswith("Face 0")
-    assert instructions(back)[0].startswith("Turn around: face 18")
-
-
-def test_a_way_needs_steps_and_a_pace() -> None:
-    with pytest.raises(DataError, match="two"):
-        directions_of(trajectory(np.zeros(1)))
-    with pytest.raises(DataError, match="never moves"):
-        directions_of(trajectory(np.zeros(5), step_m=0.0))
-    with pytest.raises(ConfigError, match="pace"):
-        directions_of(trajectory(np.zeros(5)), pace_m=0.0)

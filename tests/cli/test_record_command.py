@@ -1,46 +1,15 @@
-"""Opening, comparing and writing recordings again; the same layout live; life without rerun."""
+"""Opening, comparing and writing recordings again; a run's own files; life without rerun."""
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from rerun.chunk import RrdReader
-
-from fbgraph.core.config import load_config
-from fbgraph.readers import read_log
-from fbgraph.recording.blueprint import blueprint, question_tabs
-from fbgraph.recording.live_view import LiveView
-from fbgraph.recording.recorder import write_recording
-from fbgraph.recording.writer import RrdWriter
-from fbgraph.run.result import WalkResult
-from fbgraph.run.summary import summarize, summary_markdown
-from fbgraph.session import replay
-
-
-def fbgraph(*arguments: object, code: int = 0, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "fbgraph", *map(str, arguments)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=False, timeout=120, env={**os.environ, **environment}
-    )
-    assert done.returncode == code, done.stderr
-    assert "Traceback" not in done.stderr
-    return done
-
-
-def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rerun", "rrd", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60)
-
-
-def entities(path: Path) -> set[str]:
-    return {chunk.entity_path.lstrip("/") for chunk in RrdReader(path).stream().to_chunks()}
+from support.commands import fbgraph, rrd
+from support.recordings import entities
 
 
 @pytest.fixture(scope="module")
@@ -86,9 +55,8 @@ def test_record_refuses_another_walk_under_the_old_name(folder: Path, tmp_path: 
 
 def test_a_live_walk_is_recorded_again_from_its_raw_lines(folder: Path, tmp_path: Path) -> None:
     run = tmp_path / "live"
-    command = [sys.executable, "-m", "fbgraph", "online", "--source", "stdin", "--out", str(run)]
-    lines = (folder / "walk.csv").read_bytes()
-    subprocess.run(command, input=lines, check=True, capture_output=True, timeout=120)
+    lines = (folder / "walk.csv").read_text()
+    fbgraph("online", "--source", "stdin", "--out", run, stdin=lines)
     found = entities(run / "recording.rrd")
     (run / "recording.rrd").unlink()
     fbgraph("record", run)
@@ -123,75 +91,6 @@ def test_what_is_no_recording_is_told(folder: Path, tmp_path: Path) -> None:
     assert "--save" in fbgraph("view", folder / "smooth", "--save", tmp_path / "no" / "x.rrd", code=2).stderr
 
 
-@pytest.fixture(scope="module")
-def live_and_file(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, WalkResult]:
-    """One walk, shown piece by piece while it was walked, and recorded afterwards."""
-    out = tmp_path_factory.mktemp("live")
-    log = read_log(folder / "walk.csv").log
-    stream = RrdWriter("live")
-    view = LiveView(load_config("m5stickc"), rrd=stream)
-    result = replay(
-        log,
-        load_config("m5stickc"),
-        chunk_s=0.5,
-        speed=np.inf,
-        on_update=lambda update: None,
-        stop=lambda: False,
-        view=view,
-    )
-    stream.save(out / "live.rrd", blueprint(stream.entities))
-    write_recording(result, out / "file.rrd", summary_markdown(summarize(result)))
-    return out / "live.rrd", out / "file.rrd", result
-
-
-def test_live_and_file_show_the_same_things_in_the_same_layout(live_and_file: tuple[Path, Path, WalkResult]) -> None:
-    live, file, _ = live_and_file
-    assert entities(live) == entities(file)
-    names = [[str(tab.name) for tab in question_tabs(entities(path), None)] for path in (live, file)]
-    assert names[0] == names[1]
-    assert "While walking" in names[0]
-
-
-def test_live_and_file_hold_the_same_numbers(live_and_file: tuple[Path, Path, WalkResult]) -> None:
-    """Every sample, step and state once, whatever the pieces."""
-
-    def rows(path: Path, entity: str, component: str) -> np.ndarray:
-        values = []
-        for chunk in RrdReader(path).stream().to_chunks():
-            batch = chunk.to_record_batch()
-            if chunk.entity_path.lstrip("/") == entity and component in batch.schema.names and not chunk.is_static:
-                values += [np.asarray(row, dtype=float).ravel() for row in batch.column(component).to_pylist()]
-        return np.array([row for row in values if len(row)])
-
-    live, file, _ = live_and_file
-    for entity in ("sensors/acc", "sensors/mag", "state/altitude_m/barometer", "state/gyro_bias_deg_s/ekf"):
-        name = "Scalars:scalars"
-        np.testing.assert_allclose(rows(live, entity, name), rows(file, entity, name), atol=1e-9, err_msg=entity)
-    for entity in ("world/online/position", "world/pdr/position", "world/smoothed/position"):
-        name = "Points3D:positions"
-        np.testing.assert_allclose(rows(live, entity, name), rows(file, entity, name), atol=1e-6, err_msg=entity)
-
-
-def test_beliefs_end_where_the_walk_was_and_do_not_disturb_it(live_and_file: tuple[Path, Path, WalkResult]) -> None:
-    _, _, result = live_and_file
-    online, beliefs = result.trajectories["online"], result.beliefs
-    assert len(beliefs) >= (len(online) - 1) // 5 - 1
-    for belief in beliefs:
-        assert belief.first + len(belief.xy_m) == belief.k + 1
-        np.testing.assert_allclose(belief.xy_m[-1], online.xy_m[belief.k], atol=0.05)
-    unseen = replay(
-        result.log,
-        result.config,
-        chunk_s=0.5,
-        speed=np.inf,
-        on_update=lambda update: None,
-        stop=lambda: False,
-        recording=False,
-    )
-    assert unseen.beliefs == ()
-    np.testing.assert_array_equal(unseen.trajectories["online"].xy_m, online.xy_m)
-
-
 def test_without_rerun_a_walk_is_smoothed_and_says_so(folder: Path, tmp_path: Path) -> None:
     """A Python that has no rerun: a folder early on its path hides the package."""
     site = tmp_path / "site"
@@ -224,13 +123,11 @@ def test_a_runs_own_files_are_not_written_over(folder: Path, tmp_path: Path) -> 
 
 def test_the_raw_lines_of_a_live_walk_are_never_replaced(folder: Path, tmp_path: Path) -> None:
     run = tmp_path / "live"
-    command = [sys.executable, "-m", "fbgraph", "online", "--source", "stdin", "--out", str(run)]
-    lines = (folder / "walk.csv").read_bytes()
-    subprocess.run(command, input=lines, check=True, capture_output=True, timeout=120)
+    lines = (folder / "walk.csv").read_text()
+    fbgraph("online", "--source", "stdin", "--out", run, stdin=lines)
     assert "raw.csv" in fbgraph("smooth", run / "raw.csv", "--out", run, code=2).stderr
-    again = subprocess.run(command, input=b"", check=False, capture_output=True, timeout=120)
-    assert again.returncode == 2
-    assert (run / "raw.csv").read_bytes() == lines
+    fbgraph("online", "--source", "stdin", "--out", run, stdin="", code=2)
+    assert (run / "raw.csv").read_text() == lines
     assert "--source" in fbgraph("online", folder / "walk.csv", "--resume", run, code=2).stderr
 
 

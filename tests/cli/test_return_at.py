@@ -1,0 +1,62 @@
+"""``fbgraph online --return-at``."""
+
+import csv
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+from support.commands import fbgraph
+
+from fbgraph.core.trajectory import read_tum
+from fbgraph.run.folder import RETURN_HEADER
+from fbgraph.simulator.files import write_m5stickc_csv
+from fbgraph.simulator.routes import load_route
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.way_back.records import ReturnUpdate
+
+
+@pytest.fixture(scope="module")
+def walk() -> SimulatedWalk:
+    return simulate(load_route("out-and-back"), seed=4)
+
+
+def online(*arguments: object, code: int = 0, stdin: str | None = None) -> subprocess.CompletedProcess[str]:
+    return fbgraph("online", *arguments, "--no-recording", code=code, stdin=stdin)
+
+
+def test_rows_on_disk_and_lines_on_the_screen_tell_the_same(walk: SimulatedWalk, tmp_path: Path) -> None:
+    log = tmp_path / "walk.csv"
+    write_m5stickc_csv(walk.log, log)
+    out = tmp_path / "run"
+    done = online(log, "--return-at", "auto", "--out", out, "--json")
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    told = [line["returning"] for line in lines[:-1] if "returning" in line]
+    assert set(told[0]) == set(ReturnUpdate.__dataclass_fields__)
+    with open(out / "return.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert ",".join(rows[0]) == RETURN_HEADER
+    assert len(rows) == len(told) == lines[-1]["return"]["steps"]
+    assert lines[-1]["return"]["arrived_t_s"] is not None
+    causal = read_tum(out / "online.tum")  # the same clock
+    assert float(rows[0]["t_s"]) == pytest.approx(causal.t_s[-len(rows)], abs=1e-5)
+    assert float(rows[5]["breadcrumb_t_s"]) == pytest.approx(causal.t_s[int(rows[5]["breadcrumb"])], abs=1e-5)
+    late = online(log, "--return-at", "100000", "--out", out, "--follow")
+    assert "later than the last step" in late.stdout
+    assert not (out / "return.csv").exists()
+    bad = online(log, "--return-at", "tomorrow", "--out", out, code=2)
+    assert "--return-at" in bad.stderr
+
+
+def test_a_resumed_walk_is_told_the_same_way_back(walk: SimulatedWalk, tmp_path: Path) -> None:
+    """The time of return is kept in the run's config.toml; steps before the interruption are matched again."""
+    log = tmp_path / "walk.csv"
+    write_m5stickc_csv(walk.log, log)
+    lines = log.read_text().splitlines(keepends=True)
+    whole, part = tmp_path / "whole", tmp_path / "part"
+    live = ("--source", "stdin")
+    online(*live, "--out", whole, "--return-at", "auto", stdin="".join(lines))
+    cut = int(0.8 * len(lines))
+    online(*live, "--out", part, "--return-at", "auto", stdin="".join(lines[:cut]))
+    online(*live, "--resume", part, stdin="".join(lines[cut:]))
+    assert (part / "return.csv").read_text() == (whole / "return.csv").read_text()
