@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The README's accuracy tables: every real log in a folder of walks, one configuration, mean of the RMSE.
 
-scripts/run python-accuracy … is not needed: .venv/bin/python scripts/accuracy.py ../shared/data
+.venv/bin/python scripts/accuracy.py ../shared/data
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fbgraph.core.aids import Told
 from fbgraph.core.config import load_config
 from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.pipeline import reconstruct
@@ -51,8 +52,8 @@ def rmse(path: Path, closed: bool, every: int) -> list[float]:
     truth = log_file.truth
     assert truth is not None
     config = load_config(preset(log_file.log.format))
-    anchors = truth.select(np.arange(0, len(truth), every)) if every else None
-    result = reconstruct(log_file.log, config, truth, anchors, closed)
+    anchors = truth.select(slice(0, None, every)) if every else None
+    result = reconstruct(log_file.log, config, Told(truth, anchors, closed))
     online = OnlineSmoother(config)
     online.feed(log_file.log)
     online.finish()
