@@ -1,0 +1,232 @@
+"""The window of iSAM2 against the same graph solved at once: no factor is lost or counted twice when it moves."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import gtsam
+import numpy as np
+import pytest
+from gtsam.symbol_shorthand import B, X, Z
+from handmade import Array, seed_of, values_at, walk_track
+
+from fbgraph.core.aids import Aids
+from fbgraph.core.checkpoints import anchor_breadcrumbs, checkpoints
+from fbgraph.core.config import GraphConfig, OnlineConfig, SolverConfig
+from fbgraph.core.errors import EstimationError
+from fbgraph.estimators.graph import GraphBuilder, Node, anchor_factor, build_graph, closure_factor, closure_prior
+from fbgraph.estimators.smoother import smooth
+from fbgraph.estimators.window import IsamWindow
+from fbgraph.front_end.track import StepTrack
+from fbgraph.way_back.records import Closure
+
+CONFIG = GraphConfig()
+EXACT = OnlineConfig(window_steps=10, relinearize_skip=1, relinearize_yaw_rad=1e-3, wildfire=1e-6)
+STEPS = 36  # the window moves at breadcrumbs 19 and 29, to 10 and 20
+
+
+def zigzag(count: int = STEPS) -> tuple[StepTrack, Array]:
+    """Seven steps there, seven back, and so on; noisy, so that a closure has something to pull at."""
+    rng = np.random.default_rng(3)
+    yaw = np.where((np.arange(count) // 7) % 2 == 0, 0.3, 0.3 - math.pi)
+    compass, altitude = yaw + rng.normal(0, 0.1, count), 300 + rng.normal(0, 0.1, count)
+    track = walk_track(yaw, compass=compass, bias_rad_s=0.004, altitude_m=altitude)
+    noisy = [
+        replace(
+            step,
+            length_m=0.7 + 0.1 * float(rng.normal()),
+            yaw_gyro_rad=step.yaw_gyro_rad + 0.02 * float(rng.normal()),
+        )
+        for step in track.steps[1:]
+    ]
+    return StepTrack([track.steps[0], *noisy]), yaw
+
+
+def next_node(track: StepTrack, k: int, nodes: Sequence[Node]) -> Node:
+    """Dead reckoning from the latest breadcrumb."""
+    step = track.steps[k]
+    if k == 0:
+        return Node(0.0, 0.0, 0.0, float(track.yaw_mag_rad[1]), 0.0)
+    last, before = nodes[-1], track.steps[k - 1]
+    yaw = last.yaw_rad + step.yaw_gyro_rad - before.yaw_gyro_rad - last.bias_rad_s * (step.yaw_s - before.yaw_s)
+    x_m, y_m = last.x_m + step.length_m * math.cos(yaw), last.y_m + step.length_m * math.sin(yaw)
+    return Node(x_m, y_m, last.z_m, yaw, last.bias_rad_s)
+
+
+def walked(
+    track: StepTrack,
+    online: OnlineConfig = EXACT,
+    closures: Mapping[int, Closure] | None = None,
+    aids: Aids | None = None,
+    glimpse: bool = False,
+) -> IsamWindow:
+    """A window after a walk; each closure is given once the breadcrumb that is its key is in."""
+    aids = aids or Aids()
+    window, builder = IsamWindow(online, aids.places_known), GraphBuilder(CONFIG, aids, compass=True)
+    near = anchor_breadcrumbs(aids.anchors, track.t_s).tolist() if aids.anchors is not None else []
+    for k, step in enumerate(track.steps):
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        node = next_node(track, k, window.nodes)
+        builder.add(step, node, window.nodes[-1] if k else None, graph, values)
+        for i in (i for i, at in enumerate(near) if at == k and aids.anchors is not None):
+            assert aids.anchors is not None
+            graph.push_back(anchor_factor(aids.anchors, i, k, step, CONFIG))
+        window.add(graph, values, node)
+        window.close([closures[k]] if closures and k in closures else [])
+        if glimpse:
+            window.glimpse()
+    return window
+
+
+def state(x_m: float, y_m: float, yaw_rad: float, bias_rad_s: float) -> Array:
+    return np.array([x_m, y_m, math.remainder(yaw_rad, 2 * math.pi), bias_rad_s])
+
+
+def last_of(window: IsamWindow) -> Array:
+    node = window.refresh()[-1]
+    return state(node.x_m, node.y_m, node.yaw_rad, node.bias_rad_s)
+
+
+def at_once(extra: Sequence[Any] = ()) -> Array:
+    """The latest breadcrumb by Levenberg-Marquardt on the whole graph and these factors more."""
+    track, yaw = zigzag()
+    graph, values = build_graph(track, seed_of(track, np.concatenate((yaw[:1], yaw))), CONFIG, Aids())
+    for factor in extra:
+        graph.push_back(factor)
+    result = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+    pose = result.atPose2(X(STEPS))
+    return state(pose.x(), pose.y(), pose.theta(), result.atDouble(B(STEPS)))
+
+
+def test_without_closures_the_end_is_the_batch_smoothers() -> None:
+    window = walked(zigzag()[0])
+    assert (window.first, len(window.nodes)) == (20, 37)
+    assert np.allclose(last_of(window), at_once(), atol=1.5e-3)
+
+
+def test_all_of_a_window_that_never_moved_is_the_batch_smoothers() -> None:
+    track, yaw = zigzag()
+    window = walked(track, EXACT.model_copy(update={"window_steps": 100}))
+    nodes = np.array([(n.x_m, n.y_m, n.yaw_rad, 100 * n.bias_rad_s) for n in window.refresh()])
+    batch = smooth(track, seed_of(track, np.concatenate((yaw[:1], yaw))), CONFIG, SolverConfig()).trajectory
+    turned = np.angle(np.exp(1j * (nodes[:, 2] - batch.yaw_rad)))
+    assert window.first == 0
+    assert np.allclose(nodes[:, :2], batch.xy_m, atol=1e-3)
+    assert np.allclose(turned, 0.0, atol=1e-4)
+    assert np.allclose(nodes[:, 3], 100 * batch.gyro_bias_rad_s, atol=1e-3)
+    assert np.allclose([n.z_m for n in window.nodes], batch.z_m, atol=0.01)
+
+
+BOTH = {
+    "both leave with the window": (Closure(6, 8, 0.1, 0.1), 12),
+    "the later one is where the window begins": (Closure(4, 10, 0.1, 0.1), 12),
+    "both stay in the window at first": (Closure(13, 15, 0.1, 0.1), 16),
+    "the earlier one is where the window begins": (Closure(10, 18, 0.1, 0.1), 18),
+    "both still in the window": (Closure(24, 32, 0.5, 0.5), 33),
+}
+FIXED = {
+    "the window's edge comes between them": (Closure(2, 12, 0.1, 0.1), 13),
+    "the earlier one had left before": (Closure(9, 19, 0.1, 0.1), 19),
+    "the edge comes between them at the second move": (Closure(15, 27, 0.1, 0.1), 27),
+}
+
+
+@pytest.mark.parametrize(("closure", "when"), BOTH.values(), ids=BOTH)
+def test_a_closure_inside_the_window_is_the_batch_graphs(closure: Closure, when: int) -> None:
+    window = walked(zigzag()[0], closures={when: closure})
+    expected = at_once([closure_factor(closure)])
+    assert np.allclose(last_of(window), expected, atol=1.5e-3)
+    assert np.abs(expected[:2] - at_once()[:2]).max() > 0.01  # it matters
+    assert window.closures == [closure]
+
+
+@pytest.mark.parametrize(("closure", "when"), FIXED.values(), ids=FIXED)
+def test_a_closure_across_the_windows_edge_holds_to_the_place_as_it_was_left(closure: Closure, when: int) -> None:
+    window = walked(zigzag()[0], closures={when: closure})
+    left = window.nodes[closure.i]
+    expected = at_once([closure_prior(closure, left.x_m, left.y_m, left.yaw_rad)])
+    assert np.allclose(last_of(window), expected, atol=1.5e-3)
+    assert np.abs(expected[:2] - at_once()[:2]).max() > 0.01
+
+
+def test_a_closure_that_comes_after_both_have_left_changes_nothing_but_is_remembered() -> None:
+    closure = Closure(3, 5, 0.1, 0.1)
+    window = walked(zigzag()[0], closures={25: closure})
+    assert np.array_equal(last_of(window), last_of(walked(zigzag()[0])))
+    assert window.closures == [closure]
+
+
+def test_closures_given_together_all_count() -> None:
+    track, _ = zigzag()
+    window = walked(track)
+    two = [Closure(24, 32, 0.5, 0.5), Closure(23, 33, 0.5, 0.5)]
+    window.close(two)
+    assert np.allclose(last_of(window), at_once([closure_factor(c) for c in two]), atol=2e-3)
+
+
+def test_the_window_holds_what_it_should_and_what_left_it_stays() -> None:
+    track, _ = zigzag(60)
+    window, builder = IsamWindow(EXACT, False), GraphBuilder(CONFIG, Aids(), compass=True)
+    left: list[Node] = []
+    for k, step in enumerate(track.steps):
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        node = next_node(track, k, window.nodes)
+        builder.add(step, node, window.nodes[-1] if k else None, graph, values)
+        assert window.add(graph, values, node) == window.nodes[-1]
+        assert window.first == max((k + 1) // 10 - 1, 0) * 10
+        assert window.nodes[: len(left)] == left
+        left = window.nodes[: window.first]
+        window.refresh()
+    assert len(left) == 50
+
+
+def test_asking_changes_nothing() -> None:
+    track, _ = zigzag()
+    for online in (EXACT, OnlineConfig(window_steps=10)):
+        plain, asked = (walked(track, online, {13: Closure(2, 12, 0.1, 0.1)}, None, ask) for ask in (False, True))
+        assert plain.nodes == asked.nodes
+        before = list(asked.nodes)
+        seen = asked.glimpse()
+        assert asked.nodes == before
+        assert len(seen) == STEPS + 1 - asked.first
+        tolerance = 1e-3 if online is EXACT else 0.1
+        now = asked.refresh()[asked.first :]
+        assert np.allclose([(n.x_m, n.y_m) for n in seen], [(n.x_m, n.y_m) for n in now], atol=tolerance)
+
+
+def test_yaw_goes_on_unwrapped_round_and_round() -> None:
+    yaw = np.linspace(0.0, 20.0, 60)
+    window = walked(walk_track(yaw, compass=np.angle(np.exp(1j * yaw))))
+    assert np.allclose([n.yaw_rad for n in window.refresh()[1:]], yaw, atol=0.02)
+    assert np.allclose([n.yaw_rad for n in window.glimpse()], yaw[window.first - 1 :], atol=0.02)
+
+
+@pytest.mark.parametrize("window_steps", [10, 100])
+def test_anchors_in_another_frame_are_the_batch_smoothers(window_steps: int) -> None:
+    yaw = np.linspace(0.0, 2.0, 40)
+    track = walk_track(yaw, compass=yaw + 0.05)
+    path = np.cumsum(0.75 * np.column_stack((np.cos(yaw), np.sin(yaw))), axis=0) + np.array((100.0, -50.0))
+    at = np.array([2, 12, 24, 36])
+    anchors = checkpoints(track.t_s[at], path[at - 1, 0], path[at - 1, 1], sigma_m=np.full(4, 0.2))
+    window = walked(track, EXACT.model_copy(update={"window_steps": window_steps}), aids=Aids(anchors))
+    batch = smooth(track, seed_of(track, np.concatenate((yaw[:1], yaw))), CONFIG, SolverConfig(), Aids(anchors))
+    node, end = window.refresh()[-1], batch.trajectory
+    assert (node.x_m, node.y_m) == pytest.approx((end.x_m[-1], end.y_m[-1]), abs=0.03)
+    assert node.yaw_rad == pytest.approx(end.yaw_rad[-1], abs=0.01)
+    assert (node.x_m, node.y_m) == pytest.approx(tuple(path[-1]), abs=0.3)
+
+
+def test_what_cannot_be_solved_is_an_estimation_error_that_says_where() -> None:
+    track, _ = zigzag(3)
+    window = walked(track)
+    values = values_at(*[(0.0, 0.0, 0.0, 0.0, 0.0)] * 5)
+    for k in range(4):
+        for key in (X(k), Z(k), B(k)):
+            values.erase(key)
+    only_a_direction = gtsam.NonlinearFactorGraph()
+    only_a_direction.push_back(gtsam.PoseRotationPrior2D(X(4), gtsam.Rot2(), gtsam.noiseModel.Isotropic.Sigma(1, 0.1)))
+    with pytest.raises(EstimationError, match="iSAM2 failed at step 4: "):
+        window.add(only_a_direction, values, Node(0.0, 0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(EstimationError, match="iSAM2 failed at a closure: "):
+        walked(track).close([Closure(0, 9, 1.0, 1.0)])
