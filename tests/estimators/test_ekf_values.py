@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from handmade import NAN, Array, make_step, stand, walk_track
+from support.factors import NAN, Array, make_step, stand, walk_track
 
 from fbgraph.core.config import EkfConfig
 from fbgraph.estimators.ekf import EkfState, HeadingEkf, run_ekf

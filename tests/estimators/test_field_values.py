@@ -1,7 +1,7 @@
 """The field's recent usual: medians of the last thirty steps, this one among them."""
 
 import pytest
-from handmade import make_step
+from support.factors import make_step
 
 from fbgraph.estimators.field import FieldMemory
 

@@ -7,7 +7,7 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, X, Z
-from handmade import (
+from support.factors import (
     NAN,
     factors_of,
     graph_of,

@@ -7,7 +7,7 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, X, Z
-from handmade import Array, factors_of, graph_of, is_robust, make_step, sigmas_of, stand, the_factor, values_at
+from support.factors import Array, factors_of, graph_of, is_robust, make_step, sigmas_of, stand, the_factor, values_at
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import make_step, stand, walk_track
+from support.factors import make_step, stand, walk_track
 
 from fbgraph.core.config import Config, StepLengthConfig
 from fbgraph.estimators.baselines import baselines

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from handmade import graph_of, make_step, stand, values_at
+from support.factors import graph_of, make_step, stand, values_at
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import Array, seed_of, walk_track
+from support.factors import Array, seed_of, walk_track
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints

@@ -9,7 +9,7 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, X, Z
-from handmade import Array, seed_of, values_at, walk_track
+from support.factors import Array, seed_of, values_at, walk_track
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import anchor_breadcrumbs, checkpoints

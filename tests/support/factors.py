@@ -1,4 +1,4 @@
-"""Steps made by hand, and what a factor says, for tests that compute the same on paper."""
+"""Walks made by hand as graphs, and what a factor says, for tests that compute the same on paper."""
 
 import math
 from collections.abc import Sequence
@@ -14,33 +14,15 @@ from fbgraph.core.config import GraphConfig
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.graph import GraphBuilder, Node
 from fbgraph.front_end.track import Step, StepTrack
+from support.by_hand import hand_step
 
 Array = npt.NDArray[np.float64]
 NAN = math.nan
 
 
 def make_step(**given: Any) -> Step:
-    """A step of 0.7 m towards East, half a second long, in silence of every sensor but the gyroscope."""
-    fields: dict[str, Any] = {
-        "t_s": 0.5,
-        "start_s": 0.0,
-        "length_m": 0.7,
-        "frequency_hz": 2.0,
-        "slope": 0.0,
-        "shortened_m": 0.0,
-        "bounce_m_s2": 5.0,
-        "yaw_s": 0.25,
-        "yaw_gyro_rad": 0.0,
-        "yaw_mag_rad": NAN,
-        "mag_norm_ut": NAN,
-        "mag_dip_rad": NAN,
-        "altitude_m": NAN,
-        "chained": True,
-        "rest_rate_rad_s": NAN,
-        "rest_sigma_rad_s": NAN,
-        "rest_s": 0.0,
-    }
-    return Step(**(fields | given))
+    """A step of 0.7 m, half a second long, in silence of every sensor but the gyroscope."""
+    return hand_step(**({"length_m": 0.7} | given))
 
 
 def stand(**given: Any) -> Step:
