@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fbgraph.core.config import Config, StepLengthConfig, load_config
+from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct
 from fbgraph.run.result import WalkResult
@@ -17,7 +18,7 @@ METRONOME = Walker(gait_variation=0.0, alpha_m=0.71, beta_m_s=0.0, gamma_m=0.0)
 CONSTANT = StepLengthConfig(constant_m=0.71, alpha_m=0.71, beta_m_s=0.0, gamma_m=0.0, kappa=0.0)
 
 
-def errors_m(estimate: Trajectory, walk: SimulatedWalk) -> np.ndarray:
+def errors_m(estimate: Trajectory, walk: SimulatedWalk) -> FloatArray:
     truth = np.column_stack([np.interp(estimate.t_s, walk.t_s, axis) for axis in (walk.x_m, walk.y_m)])
     return np.asarray(np.hypot(*(estimate.xy_m - truth).T))
 
@@ -56,7 +57,7 @@ def test_turns_are_those_of_the_route(perfect_walks: dict[str, tuple[SimulatedWa
 def test_errors_are_what_the_covariance_says() -> None:
     """Normalised error (error / σ, per axis) over 30 seeds: rms between 0.7 and 1.4."""
     config = load_config("m5stickc")
-    normalised = {"x": [], "y": [], "z": []}
+    normalised: dict[str, list[FloatArray]] = {"x": [], "y": [], "z": []}
     for seed in range(30):
         walk = simulate(load_route("out-and-back"), seed=seed)
         smoothed = reconstruct(walk.log, config).trajectories["smoothed"]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, X
 
+from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import Config, StepLengthConfig
 from fbgraph.core.geometry import wrap_angle
@@ -135,23 +136,19 @@ def test_one_disturbed_stretch_does_not_bend_the_smoothed_walk() -> None:
 def test_anchors_and_a_closed_end_pull_the_walk() -> None:
     track = make_track(np.full(60, 0.0), compass=False)
     seed = run_ekf(track, CONFIG.ekf)
-    closed = smooth(
-        make_track(SQUARE, 0.01),
-        seed=run_ekf(make_track(SQUARE, 0.01), CONFIG.ekf),
-        graph_config=CONFIG.graph,
-        solver_config=CONFIG.solver,
-        closed_walk=True,
-    ).trajectory
+    biased = make_track(SQUARE, 0.01)
+    told = Aids(closed_walk=True)
+    closed = smooth(biased, run_ekf(biased, CONFIG.ekf), CONFIG.graph, CONFIG.solver, told).trajectory
     assert np.hypot(closed.x_m[-1], closed.y_m[-1]) < 0.5
     # anchors in another frame: turned by 90°, moved, and 10 % longer
     anchors = checkpoints(
-        np.array([0.0, 15.0, 30.0]) + 7.0,
+        np.array([0.0, 15.0, 30.0]),
         np.array([5.0, 5.0, 5.0]),
         np.array([-3.0, 20.1, 43.2]),
         sigma_m=np.full(3, 0.1),
     )
-    anchored = smooth(track, seed, CONFIG.graph, CONFIG.solver, anchors=anchors, t0_s=7.0).trajectory
-    assert np.allclose(anchored.at(anchors.t_s - 7.0)[:, :2], anchors.xy_m, atol=0.6)
+    anchored = smooth(track, seed, CONFIG.graph, CONFIG.solver, Aids(anchors)).trajectory
+    assert np.allclose(anchored.at(anchors.t_s)[:, :2], anchors.xy_m, atol=0.6)
     assert anchored.cov_xy_yaw is not None
     assert np.sqrt(anchored.cov_xy_yaw[:, 0, 0]).max() < 1.5
 
@@ -210,7 +207,7 @@ def test_residuals_and_weights_add_up_to_the_graph_error() -> None:
     steps = [replace(step, yaw_mag_rad=float(m)) for step, m in zip(track.steps, bent, strict=True)]
     track = StepTrack(steps)
     anchors = checkpoints(track.t_s[[0, 30, 60]], np.array((0.0, 21.0, 33.0)), np.array((0.0, 0.0, 21.0)))
-    smoothed = smooth(track, run_ekf(track, CONFIG.ekf), CONFIG.graph, CONFIG.solver, anchors)
+    smoothed = smooth(track, run_ekf(track, CONFIG.ekf), CONFIG.graph, CONFIG.solver, Aids(anchors))
     total = 0.0
     for kind in smoothed.residuals:
         away = np.abs(kind.whitened)

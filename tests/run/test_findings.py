@@ -1,22 +1,21 @@
-"""What explains a walk beyond its trajectory: findings and lanes, errors of legs, where on Earth it was."""
+"""What explains a walk beyond its trajectory: findings, lanes, where on Earth it was."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fbgraph.core.checkpoints import checkpoints, read_checkpoints
+from fbgraph.core.aids import Told
+from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import load_config
-from fbgraph.core.errors import ConfigError, DataError
-from fbgraph.core.georeference import Georeference, parse_origin
+from fbgraph.core.georeference import Georeference
 from fbgraph.core.log import SensorLog, Stream
-from fbgraph.core.trajectory import Trajectory
+from fbgraph.front_end.track import StepTrack
 from fbgraph.pipeline import reconstruct
-from fbgraph.run.findings import find
+from fbgraph.run.findings import Finding, walk_findings
 from fbgraph.run.lanes import (
     DOUBTED,
     STANDING,
@@ -27,11 +26,11 @@ from fbgraph.run.lanes import (
     stretches,
     wearer_lane,
 )
-from fbgraph.run.metrics import leg_errors
 from fbgraph.run.result import WalkResult
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import load_route
-from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.simulator.simulate_options import SimulateOptions
 
 NUREMBERG = Georeference(49.4613, 11.1110)
 
@@ -51,6 +50,10 @@ def undisturbed(clean: SimulatedWalk) -> WalkResult:
     return smoothed(clean.log)
 
 
+def told_of(result: WalkResult, kind: str) -> list[Finding]:
+    return [finding for finding in walk_findings(result) if finding.kind == kind]
+
+
 def test_a_magnet_is_found_where_and_when_it_was(clean: SimulatedWalk, undisturbed: WalkResult) -> None:
     """A magnet carried past the device for six seconds: that stretch is told, and no other."""
     start_s = undisturbed.track.t_s[len(undisturbed.track) // 4]
@@ -58,7 +61,7 @@ def test_a_magnet_is_found_where_and_when_it_was(clean: SimulatedWalk, undisturb
     near = (mag.t_s >= start_s) & (mag.t_s < start_s + 6.0)
     turned = mag.values + near[:, None] * np.array((60.0, 40.0, 30.0))
     result = smoothed(replace(clean.log, mag=Stream(mag.t_s, turned)))
-    told = [finding for finding in find(result) if finding.kind == "compass"]
+    told = told_of(result, "compass")
     assert len(told) == 1
     assert abs(told[0].start_s - start_s) < 1.5
     assert abs(told[0].end_s - (start_s + 6.0)) < 1.5
@@ -67,19 +70,21 @@ def test_a_magnet_is_found_where_and_when_it_was(clean: SimulatedWalk, undisturb
     assert (compass_trust(result)[during] < 0.5).all()
     lane = compass_lane(result)
     assert [state for _, state in lane].count(DOUBTED) == 1
-    assert not [finding for finding in find(undisturbed) if finding.kind == "compass"]
+    assert not told_of(undisturbed, "compass")
 
 
 def test_steps_that_were_missed_are_told(undisturbed: WalkResult) -> None:
     """Every second step taken away over ten metres: half the frequency, and somebody says so."""
     track = undisturbed.track
-    frequency = track.frequency_hz.copy()
-    frequency[20:30] /= 2.0
-    result = replace(undisturbed, track=replace(track, frequency_hz=frequency))
-    (told,) = [finding for finding in find(result) if finding.kind == "steps"]
+    slow = [
+        replace(step, frequency_hz=step.frequency_hz / 2.0) if 20 <= k < 30 else step
+        for k, step in enumerate(track.steps)
+    ]
+    result = replace(undisturbed, track=StepTrack(slow))
+    (told,) = told_of(result, "steps")
     assert "steps 20 to 29 much slower" in told.text
     assert told.start_s == pytest.approx(track.start_s[20])
-    assert not [finding for finding in find(undisturbed) if finding.kind == "steps"]
+    assert not told_of(undisturbed, "steps")
 
 
 def test_the_wearer_walks_where_the_steps_are_and_stands_where_he_rested(undisturbed: WalkResult) -> None:
@@ -95,8 +100,8 @@ def test_the_wearer_walks_where_the_steps_are_and_stands_where_he_rested(undistu
 def test_doubted_places_are_told_with_how_far(clean: SimulatedWalk) -> None:
     walk = checkpoints(clean.t_s[::1500], clean.x_m[::1500], clean.y_m[::1500])
     wrong = replace(walk, x_m=walk.x_m + np.where(np.arange(len(walk)) == 2, 25.0, 0.0))
-    result = reconstruct(clean.log, load_config("m5stickc"), anchors=replace(wrong, t_s=wrong.t_s + clean.log.t0_s))
-    told = [finding for finding in find(result) if finding.kind == "anchor"]
+    result = reconstruct(clean.log, load_config("m5stickc"), Told(anchors=wrong.since(-clean.log.t0_s)))
+    told = told_of(result, "anchor")
     assert len(told) == min(len(walk), 5)
     doubted = [finding for finding in told if "doubted" in finding.text]
     assert len(doubted) == 1
@@ -110,12 +115,16 @@ def test_what_only_truth_can_tell(clean: SimulatedWalk, undisturbed: WalkResult)
     known = slice(None, None, 1000)
     t_s = clean.t_s[known] + clean.log.t0_s
     truth = checkpoints(t_s, moved.real[known], moved.imag[known])
-    told = " ".join(finding.text for finding in find(replace(undisturbed, truth=truth)) if finding.kind == "truth")
+    told = " ".join(
+        finding.text for finding in walk_findings(replace(undisturbed, told=Told(truth))) if finding.kind == "truth"
+    )
     assert "further from the truth than its 2σ" in told
     assert "to the left" in told
     assert "% too long" in told
     honest = checkpoints(t_s, clean.x_m[known], clean.y_m[known])
-    assert not [finding for finding in find(replace(undisturbed, truth=honest)) if finding.kind == "truth"]
+    assert not [
+        finding for finding in walk_findings(replace(undisturbed, told=Told(honest))) if finding.kind == "truth"
+    ]
 
 
 def test_stretches_bridge_short_breaks_and_drop_short_runs() -> None:
@@ -125,73 +134,23 @@ def test_stretches_bridge_short_breaks_and_drop_short_runs() -> None:
     assert stretches(np.zeros(5, dtype=bool)) == []
 
 
-def test_leg_errors_are_those_of_scale_and_turn() -> None:
-    t_s = np.arange(9.0)
-    x_m, y_m = np.array([0, 5, 10, 10, 10, 5, 0, 0, 0.0]), np.array([0, 0, 0, 5, 10, 10, 10, 5, 0.0])
-    truth = checkpoints(t_s[::2] + 7.0, x_m[::2], y_m[::2])
-    turned = 1.1 * (x_m + 1j * y_m) * np.exp(1j * np.radians(12.0)) + (3.0 - 4.0j)
-    zeros = np.zeros(9)
-    legs = leg_errors(Trajectory(t_s, turned.real, turned.imag, zeros, zeros, zeros), truth, 7.0)
-    np.testing.assert_allclose(legs.length_rel, 0.1)
-    np.testing.assert_allclose(np.degrees(legs.yaw_rad), 12.0)
-    np.testing.assert_allclose(legs.end_s - legs.start_s, 2.0)
-
-
-def test_there_and_back_again_on_the_globe() -> None:
-    places = np.array(((0.0, 0.0), (120.0, -35.0), (-900.0, 400.0)))
-    np.testing.assert_allclose(NUREMBERG.local_m(NUREMBERG.geodetic_deg(places)), places, atol=1e-3)
-    north = NUREMBERG.moved(0.0, 1000.0)
-    assert (north.lat_deg - NUREMBERG.lat_deg) * 111_200 == pytest.approx(1000.0, rel=2e-3)
-    assert north.lon_deg == pytest.approx(NUREMBERG.lon_deg, abs=1e-9)
-    assert parse_origin("49.4613, 11.1110") == NUREMBERG
-
-
-@pytest.mark.parametrize("text", ["", "49", "49,11,3", "north,east", "91,0", "0,181", "nan,0"])
-def test_an_origin_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(ConfigError, match="--origin"):
-        parse_origin(text)
-
-
-def test_checkpoints_may_be_in_latitude_and_longitude(tmp_path: Path) -> None:
-    places = np.array(((0.0, 0.0), (30.0, 40.0), (-10.0, 5.0)))
-    rows = NUREMBERG.geodetic_deg(places)
-    lines = [f"{i}.0,{lat:.9f},{lon:.9f}" for i, (lat, lon) in enumerate(rows)]
-    path = tmp_path / "truth.csv"
-    path.write_text("\n".join(["t_s,lat_deg,lon_deg", *lines]), "utf-8")
-    truth = read_checkpoints(path)
-    np.testing.assert_allclose(truth.xy_m, places, atol=1e-3)
-    assert truth.georeference == Georeference(*rows[0].round(9))
-    path.write_text("t_s,lat_deg\n0,49.0\n", "utf-8")
-    with pytest.raises(DataError, match=r"no column x_m, y_m .*lat_deg,lon_deg"):
-        read_checkpoints(path)
-
-
-def test_metres_beside_degrees_tell_where_the_frame_lies(tmp_path: Path) -> None:
-    lat, lon = NUREMBERG.geodetic_deg(np.array(((5.0, -7.0),)))[0]
-    path = tmp_path / "truth.csv"
-    path.write_text(f"t_s,x_m,y_m,lat_deg,lon_deg\n0,5,-7,{lat:.9f},{lon:.9f}\n9,6,-7,,\n", "utf-8")
-    found = read_checkpoints(path).georeference
-    assert found is not None
-    np.testing.assert_allclose((found.lat_deg, found.lon_deg), (NUREMBERG.lat_deg, NUREMBERG.lon_deg), atol=1e-7)
-
-
 def test_the_walk_lies_where_its_user_anchors_or_truth_say(clean: SimulatedWalk, undisturbed: WalkResult) -> None:
     t_s = clean.t_s[::1500] + clean.log.t0_s
     places = checkpoints(t_s, clean.x_m[::1500] + 50.0, clean.y_m[::1500] - 20.0, georeference=NUREMBERG)
     assert undisturbed.georeference is None
-    by_user = replace(undisturbed, origin=NUREMBERG, truth=places).georeference
+    by_user = replace(undisturbed, told=Told(places, origin=NUREMBERG)).georeference
     assert by_user is not None
     assert (by_user.lat_deg, by_user.lon_deg) == pytest.approx((NUREMBERG.lat_deg, NUREMBERG.lon_deg), abs=1e-9)
-    by_truth = replace(undisturbed, truth=places).georeference
+    by_truth = replace(undisturbed, told=Told(places)).georeference
     assert by_truth is not None
     np.testing.assert_allclose(
         NUREMBERG.local_m(np.array([[by_truth.lat_deg, by_truth.lon_deg]])), [[50, -20]], atol=1.0
     )
-    anchored = reconstruct(clean.log, load_config("m5stickc"), anchors=places)
+    anchored = reconstruct(clean.log, load_config("m5stickc"), Told(anchors=places))
     where = anchored.georeference  # the world is the anchors' frame
     assert where is not None
     assert (where.lat_deg, where.lon_deg) == pytest.approx((NUREMBERG.lat_deg, NUREMBERG.lon_deg), abs=1e-9)
-    told = replace(anchored, origin=NUREMBERG).georeference
+    told = replace(anchored, told=Told(anchors=places, origin=NUREMBERG)).georeference
     assert told is not None
     (start,) = told.geodetic_deg(anchored.smoothed.trajectory.xy_m[:1])
     np.testing.assert_allclose(start, (NUREMBERG.lat_deg, NUREMBERG.lon_deg), atol=1e-8)

@@ -13,10 +13,10 @@ from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.study.course import simulated_trials, write_trial
 from fbgraph.study.dataset import read_dataset
-from fbgraph.study.layout import DatasetConfig, load_mapping
+from fbgraph.study.layout import DatasetConfig, load_layout, load_mapping
 from fbgraph.study.trial import Trial
 
-LAYOUT = load_config("forestback").dataset
+LAYOUT = load_layout("forestback")
 AXES = "xyz"
 
 
@@ -77,11 +77,11 @@ def camel_case(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def test_the_preset_is_the_wearables_with_a_layout() -> None:
-    wearable = load_config("m5stickc")
-    assert load_config("forestback").model_copy(update={"dataset": wearable.dataset}) == wearable
+    assert load_config("forestback") == load_config("m5stickc")
+    assert load_layout("m5stickc") == LAYOUT  # a preset that names no columns gets the authors'
     assert all(aliases for _, aliases in LAYOUT.columns)
     with pytest.raises(ConfigError, match=r"dataset\.columns\.acc_w"):
-        load_config("forestback", ["dataset.columns.acc_w=a"])
+        load_layout("forestback", ["dataset.columns.acc_w=a"])
 
 
 @pytest.mark.parametrize("style", [with_units, without_units, camel_case])
@@ -156,7 +156,7 @@ def test_a_mapping_file_names_columns_that_no_alias_covers(table: pd.DataFrame, 
     )
     layout = load_mapping(mapping, LAYOUT)
     trial = only(tmp_path / "x.csv", layout)
-    assert np.allclose(trial.log.gyro.values.T[2], table["gyro_z_rads"], atol=1e-6)  # noqa: PD011
+    assert np.allclose(trial.log.gyro.values.T[2], table["gyro_z_rads"], atol=1e-6)
     assert layout.columns.acc_x == LAYOUT.columns.acc_x  # what the file does not name stays
 
 

@@ -19,12 +19,14 @@ from fbgraph.study.calibration import Evidence, fit
 from fbgraph.study.comparison import interval_of_mean, paired
 from fbgraph.study.course import simulated_trials
 from fbgraph.study.dataset import read_dataset
+from fbgraph.study.layout import load_layout
 from fbgraph.study.protocol import LABELS, match_turns, turn_events
 from fbgraph.study.report import summary
 from fbgraph.study.run import run_study, study_files, study_folder
 from fbgraph.study.trial import Turns
 
 CONFIG = load_config("forestback")
+LAYOUT = load_layout("forestback")
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +80,7 @@ def test_every_output_is_there_and_says_that_it_is_simulated(simulated: tuple[Pa
 def test_the_exported_trials_give_the_same_numbers(simulated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     out, found = simulated
     shutil.copytree(out / "trials", tmp_path / "copy")
-    again = summary(run_study(read_dataset(tmp_path / "copy", CONFIG.dataset), CONFIG))
+    again = summary(run_study(read_dataset(tmp_path / "copy", LAYOUT), CONFIG))
     for key in again.keys() - {"source"}:
         assert json.loads(json.dumps(again[key])) == found[key], key
     assert again["simulated"]  # the tables say so themselves
@@ -102,7 +104,7 @@ def few(simulated: tuple[Path, dict[str, Any]], tmp_path_factory: pytest.TempPat
 
 def test_what_the_authors_logged_is_scored_and_a_trial_without_steps_is_named(few: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    result = study_files(str(few), out, CONFIG)
+    result = study_files(str(few), out, CONFIG, LAYOUT)
     overall = result.comparison.overall
     assert list(overall) == list(LABELS)
     assert overall["logged_pdr"].rmse_m == pytest.approx(0.2)
@@ -133,11 +135,11 @@ def test_a_map_whose_north_is_another_is_noticed(few: Path, tmp_path: Path) -> N
             gt_x_m=table["gt_y_m"], gt_y_m=-table["gt_x_m"], gt_heading_rad=table["gt_heading_rad"] - np.pi / 2
         )
         east.drop(columns=["pdr_x", "fb_x"]).to_csv(tmp_path / f"{k}.csv", index=False)
-    (notice,) = [n for n in run_study(read_dataset(tmp_path, CONFIG.dataset), CONFIG).notices if "map_yaw_deg" in n]
+    (notice,) = [n for n in run_study(read_dataset(tmp_path, LAYOUT), CONFIG).notices if "map_yaw_deg" in n]
     found_deg = float(notice.split("map_yaw_deg=")[1].split(",")[0])
     assert found_deg == pytest.approx(90.0, abs=15.0)
-    turned = load_config("forestback", [f"dataset.map_yaw_deg={found_deg}"])
-    result = run_study(read_dataset(tmp_path, turned.dataset), turned)
+    turned = load_layout("forestback", [f"dataset.map_yaw_deg={found_deg}"])
+    result = run_study(read_dataset(tmp_path, turned), CONFIG)
     assert not any("map_yaw_deg" in n for n in result.notices)
     assert result.comparison.overall["smoothed"].rmse_m < 2.0
 
@@ -171,7 +173,7 @@ def test_bad_requests_end_in_one_line(
 
 def test_a_study_never_replaces_what_it_reads(few: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="would replace"):
-        study_files(str(few), few, CONFIG)
+        study_files(str(few), few, CONFIG, LAYOUT)
 
     def give_up() -> None:
         with study_folder(tmp_path / "half") as folder:

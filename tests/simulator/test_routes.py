@@ -1,0 +1,1 @@
+"""Routes and options: what is walked, and what is refused."""

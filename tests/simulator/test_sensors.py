@@ -1,0 +1,1 @@
+"""What the simulated sensors make of a walk: noise, bias, rates, iron."""

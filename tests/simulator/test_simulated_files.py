@@ -1,0 +1,1 @@
+"""Simulated walks as files."""

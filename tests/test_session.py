@@ -1,0 +1,19 @@
+"""A walk in progress."""
+
+import numpy as np
+import pytest
+
+from fbgraph.core.log import SensorLog, Stream
+from fbgraph.session import cut_log
+
+
+@pytest.mark.parametrize("chunk_s", [0.1, 0.03, 0.7, 1e9])
+def test_a_replayed_log_is_the_log(chunk_s: float) -> None:
+    """Cut into pieces, no sample is lost or doubled, also where it lies on a cut."""
+    t_s = np.round(np.arange(0.0, 60.0, 0.01), 2)
+    acc = Stream(t_s, np.tile(t_s[:, None], 3))
+    mag = Stream(t_s[::7] + 1.0, np.tile(t_s[::7, None], 3))
+    log = SensorLog(name="x", format="x", t0_s=0.0, acc=acc, gyro=acc, mag=mag)
+    joined = SensorLog.concatenate([piece for piece, _ in cut_log(log, chunk_s, np.inf, lambda: False)])
+    for name in ("acc", "gyro", "mag"):
+        np.testing.assert_array_equal(getattr(joined, name).t_s, getattr(log, name).t_s)
