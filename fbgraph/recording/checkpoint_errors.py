@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun as rr
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.palette import COLORS, LABELS
-from fbgraph.recording.scene import MOST_LABELS, ordered
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.recording.map_frame import MOST_LABELS
 from fbgraph.recording.writer import RrdWriter
 from fbgraph.run.metrics import checkpoint_errors, leg_errors
 from fbgraph.run.result import WalkResult
@@ -17,8 +20,14 @@ from fbgraph.run.scores import score_label
 _CIRCLE = rr.components.MarkerShape.Circle
 
 
-def errors_at_checkpoints(result: WalkResult) -> dict[str, tuple[FloatArray, FloatArray]]:
+def errors_at_checkpoints(
+    result: WalkResult, trajectories: Sequence[tuple[str, Trajectory]]
+) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Times and horizontal errors at the truth's checkpoints, aligned as in scoring.
+
+    Args:
+        result: the walk, with its truth if there is one.
+        trajectories: of the walk's estimators, by name, in the order in which they are drawn.
 
     Returns:
         By estimator: (M,) seconds on the log's clock and (M,) metres; empty without truth, and without an estimator to
@@ -28,7 +37,7 @@ def errors_at_checkpoints(result: WalkResult) -> dict[str, tuple[FloatArray, Flo
         return {}
     t_s = result.told.truth.t_s - result.log.t0_s
     errors = {}
-    for name, trajectory in ordered(result):
+    for name, trajectory in trajectories:
         _, alignment = score_label(name, result.told.anchors is not None, result.told.closed_walk)
         try:
             error_m = checkpoint_errors(trajectory, result.told.truth, result.log.t0_s, alignment)

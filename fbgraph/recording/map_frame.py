@@ -9,6 +9,8 @@ import rerun.blueprint as rrb
 
 from fbgraph.core.geometry import FloatArray
 
+MOST_LABELS = 100
+"""More places than this are not labelled one by one."""
 _MARGIN = 0.06  # of the walk's size, around it
 _LEGEND_WIDTH = 0.32  # of the walk's size, right of it
 _EQUATOR_M_PER_PIXEL = 156543.03  # of a Web Mercator map at zoom 0

@@ -212,7 +212,7 @@ class Recorder:
     def finished(self, result: WalkResult, summary_markdown: str, active_tab: int = 0) -> None:
         """What only the whole walk tells; what it shares with the walk in progress must have been logged."""
         rrd = self._rrd
-        errors = errors_at_checkpoints(result)
+        errors = errors_at_checkpoints(result, ordered(result))
         rrd.fixed("summary", rr.TextDocument(summary_markdown, media_type=rr.MediaType.MARKDOWN))
         self._hindsight(result)
         record_residuals(rrd, result)

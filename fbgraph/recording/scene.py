@@ -17,7 +17,7 @@ from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.palette import COLORS, LABELS
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.answers import Belief
-from fbgraph.recording.map_frame import Frame
+from fbgraph.recording.map_frame import MOST_LABELS, Frame
 from fbgraph.recording.writer import RrdWriter
 from fbgraph.run.lanes import DOUBTED, compass_lane
 from fbgraph.run.result import ESTIMATORS, WalkResult
@@ -31,7 +31,6 @@ _ELLIPSES = 10  # about so many along a walk; more hide each other
 _ELLIPSE_POINTS = 33
 _SAME_PLACE_M = 0.5  # checkpoints closer than this share a label ...
 _SAME_FLOOR_M = 2.0  # ... unless one lies on another floor
-MOST_LABELS = 100
 _SETTLED_POINTS = 1000  # of the part of a belief that no longer moves
 _WIDTHS = {"smoothed": 2.0}
 _WIDTH = 1.2

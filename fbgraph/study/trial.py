@@ -140,75 +140,119 @@ def read_trial(table: Table, config: DatasetConfig) -> Trial:
     Raises:
         DataError: columns are missing, or its sensors cannot have recorded a walk.
     """
-    names, frame = list(table.frame.columns), table.frame
-    found = find_columns(names, config.columns)
-    if missing := [quantity for quantity in _NEEDED if quantity not in found]:
-        raise DataError(
-            f"{table.name}: no column for {', '.join(missing)}; found {', '.join(names)}. "
-            f'Name them in a file for --mapping: [dataset.columns] {missing[0]} = "..."'
-        )
-
-    def numbers(quantity: str) -> FloatArray:
-        import pandas as pd
-
-        column = pd.to_numeric(frame.iloc[:, found[quantity][0]], errors="coerce")
-        return np.asarray(column.to_numpy(dtype=float))
-
-    log, t_s, notices = _log(table, found, numbers, config)
+    found = _needed_columns(table, config)
+    quantities = _Quantities(table, found)
+    log, t_s, notices = _log(table, found, quantities.numbers, config)
     there = np.isfinite(t_s)
     there[there] &= np.diff(np.maximum.accumulate(t_s[there]), prepend=-np.inf) > 0
-    there &= np.isfinite(numbers("truth_x")) & np.isfinite(numbers("truth_y"))
+    there &= np.isfinite(quantities.numbers("truth_x")) & np.isfinite(quantities.numbers("truth_y"))
     if there.sum() < 2:
         raise DataError(f"{table.name}: its ground truth holds no two places")
-
-    def path(prefix: str) -> Path2D:
-        x, y = (numbers(f"{prefix}_{axis}") * _METRES.get(found[f"{prefix}_{axis}"][1], 1.0) for axis in "xy")
-        heading = np.full(len(frame), np.nan)
-        if f"{prefix}_heading" in found:
-            heading = _radians(numbers(f"{prefix}_heading"), found[f"{prefix}_heading"][1] or config.units.heading)
-        known = there & np.isfinite(x) & np.isfinite(y)
-        turn = np.radians(config.map_yaw_deg)
-        place = (x[known] + 1j * y[known]) * np.exp(1j * turn)
-        heading = heading[known] + turn
-        heading = np.unwrap(heading) if np.isfinite(heading).all() else np.full(len(heading), np.nan)
-        return Path2D(t_s[known], place.real, place.imag, heading)
-
-    truth = path("truth")
+    truth = _path(quantities, "truth", t_s, there, config)
     if not np.isfinite(truth.heading_rad).all():
         truth = replace(truth, heading_rad=walking_direction(truth))
-    logged = {method: path(method) for method in LOGGED if f"{method}_x" in found and f"{method}_y" in found}
+    logged = {
+        method: _path(quantities, method, t_s, there, config)
+        for method in LOGGED
+        if f"{method}_x" in found and f"{method}_y" in found
+    }
     logged = {method: track for method, track in logged.items() if len(track.t_s) > 1}
-    step_s, turns = None, None
-    if "step" in found:
-        step_s = t_s[there][_step_rows(numbers("step")[there])]
-        if len(step_s) > _MOST_STEPS_HZ * float(np.ptp(t_s[there])):
-            notices.append(f"{names[found['step'][0]]} marks {len(step_s)} rows, more than steps can be: not used")
-            step_s = None
+    step_s, remarks = _steps(quantities, t_s[there], there)
+    turns = None
     if "turn" in found:
-        turns = _turns(frame.iloc[:, found["turn"][0]][there], t_s[there], truth)
+        turns = _turns(quantities.column("turn")[there], t_s[there], truth)
     passed: list[tuple[int, str]] = []
     if "checkpoint" in found:
-        passed = [(start, label) for start, _, label in _runs(frame.iloc[:, found["checkpoint"][0]][there])]
-    current = np.empty(0)
-    if "current" in found:
-        current = numbers("current")
-        current = current[np.isfinite(current)]
-        unit = found["current"][1] or config.units.current
-        if len(current):
-            current = current * (_CURRENTS[unit] if unit else 1.0 if np.median(current) > 2.0 else 1000.0)
+        passed = [(start, label) for start, _, label in _runs(quantities.column("checkpoint")[there])]
     return Trial(
         name=table.name,
-        log=replace(log, name=table.name, notices=(*log.notices, *notices)),
+        log=replace(log, name=table.name, notices=(*log.notices, *notices, *remarks)),
         truth=truth,
         step_s=step_s,
         turns=turns,
         checkpoint_s=t_s[there][[row for row, _ in passed]],
         checkpoints=tuple(label for _, label in passed),
         logged=logged,
-        logged_error_m={m: numbers(f"{m}_error")[there] for m in logged if f"{m}_error" in found},
-        current_ma=current,
-        rows=len(frame),
+        logged_error_m={m: quantities.numbers(f"{m}_error")[there] for m in logged if f"{m}_error" in found},
+        current_ma=_current_ma(quantities, config),
+        rows=len(table.frame),
     )
+
+
+@dataclass(frozen=True)
+class _Quantities:
+    """A table's columns by what they hold; ``found`` is by ``find_columns``."""
+
+    table: Table
+    found: dict[str, tuple[int, str]]
+
+    def column(self, quantity: str) -> pd.Series:
+        """As it stands in the table."""
+        return self.table.frame.iloc[:, self.found[quantity][0]]
+
+    def numbers(self, quantity: str) -> FloatArray:
+        """(N,) its numbers, nan where there is none, in its own unit."""
+        import pandas as pd
+
+        column = pd.to_numeric(self.column(quantity), errors="coerce")
+        return np.asarray(column.to_numpy(dtype=float))
+
+
+def _needed_columns(table: Table, config: DatasetConfig) -> dict[str, tuple[int, str]]:
+    """By ``find_columns``, with all that a trial needs.
+
+    Raises:
+        DataError: columns are missing.
+    """
+    names = list(table.frame.columns)
+    found = find_columns(names, config.columns)
+    if missing := [quantity for quantity in _NEEDED if quantity not in found]:
+        raise DataError(
+            f"{table.name}: no column for {', '.join(missing)}; found {', '.join(names)}. "
+            f'Name them in a file for --mapping: [dataset.columns] {missing[0]} = "..."'
+        )
+    return found
+
+
+def _path(quantities: _Quantities, prefix: str, t_s: FloatArray, there: BoolArray, config: DatasetConfig) -> Path2D:
+    """The places in the columns of this prefix, of the rows that are there; North up."""
+    found, numbers = quantities.found, quantities.numbers
+    x, y = (numbers(f"{prefix}_{axis}") * _METRES.get(found[f"{prefix}_{axis}"][1], 1.0) for axis in "xy")
+    heading = np.full(len(t_s), np.nan)
+    if f"{prefix}_heading" in found:
+        heading = _radians(numbers(f"{prefix}_heading"), found[f"{prefix}_heading"][1] or config.units.heading)
+    known = there & np.isfinite(x) & np.isfinite(y)
+    turn = np.radians(config.map_yaw_deg)
+    place = (x[known] + 1j * y[known]) * np.exp(1j * turn)
+    heading = heading[known] + turn
+    heading = np.unwrap(heading) if np.isfinite(heading).all() else np.full(len(heading), np.nan)
+    return Path2D(t_s[known], place.real, place.imag, heading)
+
+
+def _steps(quantities: _Quantities, t_s: FloatArray, there: BoolArray) -> tuple[FloatArray | None, list[str]]:
+    """Times of the labelled steps, None without any that can be used; and a notice of those that cannot.
+
+    ``t_s`` (M,) are the times of the rows that are there.
+    """
+    if "step" not in quantities.found:
+        return None, []
+    step_s = t_s[_step_rows(quantities.numbers("step")[there])]
+    if len(step_s) > _MOST_STEPS_HZ * float(np.ptp(t_s)):
+        name = quantities.column("step").name
+        return None, [f"{name} marks {len(step_s)} rows, more than steps can be: not used"]
+    return step_s, []
+
+
+def _current_ma(quantities: _Quantities, config: DatasetConfig) -> FloatArray:
+    """What the device drew, where it was logged; a unit that is not said is judged by magnitude."""
+    current = np.empty(0)
+    if "current" in quantities.found:
+        current = quantities.numbers("current")
+        current = current[np.isfinite(current)]
+        unit = quantities.found["current"][1] or config.units.current
+        if len(current):
+            current = current * (_CURRENTS[unit] if unit else 1.0 if np.median(current) > 2.0 else 1000.0)
+    return current
 
 
 def _log(
@@ -248,7 +292,7 @@ def _log(
     raw = RawLog(notices=assumed, counts=dict(clean.counts))
     row_ns = np.asarray(clean.t, dtype=np.int64)
     readings: FloatArray
-    for sensor, readings in clean.values.items():  # noqa: PD011
+    for sensor, readings in clean.values.items():
         seen = ~np.isnan(readings).all(axis=1)
         if seen.any():
             stream = RawStream(row_ns[seen], readings[seen])

@@ -14,6 +14,7 @@ of the route that the wearer comes near, in its direction, may be where it is me
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,6 +38,50 @@ _OUTWARD = 0.1  # who walks back along the route is told so as long as that is t
 _ANYWHERE = 0.03  # once lost, a step's chance to be anywhere near
 _ALONG_RAD = math.radians(50.0)
 _ALONG_M = 2.5  # walked along the route before it counts as met again
+
+
+@dataclass(frozen=True)
+class _Nearby:
+    """The bins of the route that a step looks at, and how they lie to it.
+
+    Attributes:
+        window: which bins of the whole route.
+        grid: (B,) their distances along the route, in metres as if on the level.
+        x, y: (B,) their places.
+        cos, sin: (B,) of the route's direction on the way out.
+        cosine: (B,) of the angle between step and route.
+        back: (B,) whether the step leads back along the route.
+        aside: (B,) angle between the step and the line of the route, whichever way, in radians.
+        squared: (B,) squared distance of the wearer, in m².
+    """
+
+    window: slice
+    grid: FloatArray
+    x: FloatArray
+    y: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+    cosine: FloatArray
+    back: BoolArray
+    aside: FloatArray
+    squared: FloatArray
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where on the route the belief is: bins ``lo`` to ``hi`` about its peak, of those nearby.
+
+    Attributes:
+        at: the bin of its mean.
+        at_m: its mean, in metres along the grid.
+        sigma_m: its spread.
+    """
+
+    lo: int
+    hi: int
+    at: int
+    at_m: float
+    sigma_m: float
 
 
 class RouteMatcher:
@@ -93,76 +138,126 @@ class RouteMatcher:
         """
         if gap_s > 0.0:
             self._spread(min(_GAP_M_S * gap_s, _GAP_MOST_M))
-        config = self._config
         yaw_rad -= self._turned_rad
+        near = self._walk(length_m, yaw_rad)
+        bound_m = self._config.corridor_m + 2.0 * math.sqrt(self._var)
+        belief = self._predicted(near.window, level_m, near.cosine)
+        lost = self._lost(near, belief, bound_m)
+        belief = self._updated(near, belief, lost, level_m, field_ut, altitude_m)
+        place = self._read_out(near, belief)
+        self._judge(near, place, lost, length_m, bound_m)
+        dx, dy = self._px - float(near.x[place.at]), self._py - float(near.y[place.at])
+        if not lost and not self._off:
+            self._pull(dx, dy)
+            self._follow_drift(near, place, length_m, yaw_rad, field_ut[1])
+        return self._match(near, place, yaw_rad, (dx, dy))
+
+    def _walk(self, length_m: float, yaw_rad: float) -> _Nearby:
+        """The wearer by dead reckoning after the step, and how the route lies about the wearer."""
         window = self._window()
-        grid, x, y, cos, sin = (a[window] for a in (self._grid, self._x, self._y, self._cos, self._sin))
+        x, y, cos, sin = (a[window] for a in (self._x, self._y, self._cos, self._sin))
         cosine = math.cos(yaw_rad) * cos + math.sin(yaw_rad) * sin
         back = cosine < 0.0
         aside = np.arccos(np.minimum(np.abs(cosine), 1.0))
         self._px += length_m * math.cos(yaw_rad)
         self._py += length_m * math.sin(yaw_rad)
-        self._var += config.drift_m**2 * length_m
+        self._var += self._config.drift_m**2 * length_m
         squared = (self._px - x) ** 2 + (self._py - y) ** 2
-        bound_m = config.corridor_m + 2.0 * math.sqrt(self._var)
+        return _Nearby(window, self._grid[window], x, y, cos, sin, cosine, back, aside, squared)
 
-        belief = self._predicted(window, level_m, cosine)
+    def _lost(self, near: _Nearby, belief: FloatArray, bound_m: float) -> bool:
+        """Whether the wearer is not where the belief is: off the route, or further from its peak than the bound."""
         before = int(np.argmax(belief))
         reach = int(_PEAK_M / self._bin_m)
-        lost = self._off or math.sqrt(float(squared[max(before - reach, 0) : before + reach + 1].min())) > bound_m
+        squared = near.squared
+        return self._off or math.sqrt(float(squared[max(before - reach, 0) : before + reach + 1].min())) > bound_m
+
+    def _updated(
+        self,
+        near: _Nearby,
+        belief: FloatArray,
+        lost: bool,
+        level_m: float,
+        field_ut: tuple[float, float],
+        altitude_m: float,
+    ) -> FloatArray:
+        """The predicted belief about the bins nearby after what the step measured; kept for the next step."""
+        config, window, squared = self._config, near.window, near.squared
+        aside, back = near.aside, near.back
         if lost:
-            near = np.exp(-0.5 * squared / (config.sigma_place_m**2 + 4.0 * self._var))
-            belief = (1.0 - _ANYWHERE) * belief + _ANYWHERE * near / (near.sum() + 1e-9)
+            close = np.exp(-0.5 * squared / (config.sigma_place_m**2 + 4.0 * self._var))
+            belief = (1.0 - _ANYWHERE) * belief + _ANYWHERE * close / (close.sum() + 1e-9)
         belief *= self._likelihood(window, level_m, squared, aside, back, field_ut, altitude_m, 3.0 if lost else 1.0)
         belief += 1e-12
         belief = belief / belief.sum()
         self._belief = np.zeros(len(self._grid))
         self._belief[window] = belief
+        return belief
 
-        top = int(np.argmax(np.where(back, belief, _OUTWARD * belief)))
+    def _read_out(self, near: _Nearby, belief: FloatArray) -> _Place:
+        """The place on the route about the belief's peak."""
+        grid = near.grid
+        reach = int(_PEAK_M / self._bin_m)
+        top = int(np.argmax(np.where(near.back, belief, _OUTWARD * belief)))
         lo, hi = max(top - reach, 0), top + reach + 1
         weight = belief[lo:hi]
         mass = float(weight.sum())
         at_m = float(weight @ grid[lo:hi]) / mass
         sigma_m = math.sqrt(float(weight @ (grid[lo:hi] - at_m) ** 2) / mass) + (1.0 - mass) * _PEAK_M
-        at = min(round(at_m / self._bin_m) - window.start, len(grid) - 1)
-        dx, dy = self._px - float(x[at]), self._py - float(y[at])
+        at = min(round(at_m / self._bin_m) - near.window.start, len(grid) - 1)
+        return _Place(lo, hi, at, at_m, sigma_m)
 
-        local_m = math.sqrt(float(squared[lo:hi].min()))
-        along = aside[at] < _ALONG_RAD and local_m < config.corridor_m + math.sqrt(self._var)
+    def _judge(self, near: _Nearby, place: _Place, lost: bool, length_m: float, bound_m: float) -> None:
+        """Whether the wearer is off the route or meets it again, and for how long the route has been followed."""
+        config, at = self._config, place.at
+        local_m = math.sqrt(float(near.squared[place.lo : place.hi].min()))
+        along = near.aside[at] < _ALONG_RAD and local_m < config.corridor_m + math.sqrt(self._var)
         self._along_m = self._along_m + length_m if along else 0.0
         if self._off:
             self._off = self._along_m < _ALONG_M
         else:
             self._off = local_m > bound_m
-        steady = along and bool(back[at]) and not lost and sigma_m < config.closure_doubt_m
+        steady = along and bool(near.back[at]) and not lost and place.sigma_m < config.closure_doubt_m
         self._steady_m = self._steady_m + length_m if steady else 0.0
-        if not lost and not self._off:
-            gain = self._var / (self._var + config.sigma_pull_m**2)
-            self._px -= gain * dx
-            self._py -= gain * dy
-            self._var *= 1.0 - gain
-            sign = -1.0 if back[at] else 1.0
-            away = wrap_scalar(yaw_rad - math.atan2(sign * float(sin[at]), sign * float(cos[at])))
-            if abs(away) < _DRIFT_RAD:
-                turned_rad = self._turned_rad + min(length_m / _DRIFT_M, 1.0) * away
-                self._turned_rad = min(max(turned_rad, -_DRIFT_RAD), _DRIFT_RAD)
-            if math.isfinite(field_ut[1]):
-                self._level_shift_ut += _FORGET * (field_ut[1] - float(self._level[window][at]) - self._level_shift_ut)
 
-        route_m = float(np.interp(at_m, self._grid, self._route))
+    def _pull(self, dx: float, dy: float) -> None:
+        """Draw the wearer's place softly to the route, from which it is off by (dx, dy) metres."""
+        gain = self._var / (self._var + self._config.sigma_pull_m**2)
+        self._px -= gain * dx
+        self._py -= gain * dy
+        self._var *= 1.0 - gain
+
+    def _follow_drift(
+        self, near: _Nearby, place: _Place, length_m: float, yaw_rad: float, level_field_ut: float
+    ) -> None:
+        """Turn slowly into the direction of the route, and forget the device's own horizontal field."""
+        at = place.at
+        sign = -1.0 if near.back[at] else 1.0
+        away = wrap_scalar(yaw_rad - math.atan2(sign * float(near.sin[at]), sign * float(near.cos[at])))
+        if abs(away) < _DRIFT_RAD:
+            turned_rad = self._turned_rad + min(length_m / _DRIFT_M, 1.0) * away
+            self._turned_rad = min(max(turned_rad, -_DRIFT_RAD), _DRIFT_RAD)
+        if math.isfinite(level_field_ut):
+            expected_ut = float(self._level[near.window][at])
+            self._level_shift_ut += _FORGET * (level_field_ut - expected_ut - self._level_shift_ut)
+
+    def _match(self, near: _Nearby, place: _Place, yaw_rad: float, offset_m: tuple[float, float]) -> Match:
+        """What is told of the step; ``offset_m`` is that of the wearer from the place on the route."""
+        squared, at, (dx, dy) = near.squared, place.at, offset_m
+        lo, hi = place.lo, place.hi
+        route_m = float(np.interp(place.at_m, self._grid, self._route))
         closest = lo + int(np.argmin(squared[lo:hi])) if not self._off else int(np.argmin(squared))
-        to_route = math.atan2(float(y[closest]) - self._py, float(x[closest]) - self._px)
-        cross_m = dx * float(sin[at]) - dy * float(cos[at])
+        to_route = math.atan2(float(near.y[closest]) - self._py, float(near.x[closest]) - self._px)
+        cross_m = dx * float(near.sin[at]) - dy * float(near.cos[at])
         if self._off:  # as far as the nearest place of it, on the same side
             cross_m = math.copysign(math.sqrt(float(squared[closest])), cross_m)
         return Match(
             route_m=route_m,
-            sigma_m=sigma_m,
+            sigma_m=place.sigma_m,
             breadcrumb=int(np.argmin(np.abs(self._outbound.route_m - route_m))),
             cross_m=cross_m,
             off_route=self._off,
-            facing_back=bool(back[at]),
+            facing_back=bool(near.back[at]),
             bearing_rad=wrap_scalar(to_route - yaw_rad),
             steady_m=self._steady_m,
         )
