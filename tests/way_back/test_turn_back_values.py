@@ -1,0 +1,127 @@
+"""When a walk has turned back: half-metre steps along a line and back, each limit on both of its sides."""
+
+import math
+
+import numpy as np
+import pytest
+from support.by_hand import HALF_A_METRE, steps_of, way_along
+
+from fbgraph.core.config import ReturnConfig
+from fbgraph.core.geometry import FloatArray
+from fbgraph.front_end.track import StepTrack
+from fbgraph.way_back.records import Crumb, TurnBack
+from fbgraph.way_back.turn_back import TurnBackDetector, find_turn_back, reversal
+
+OUT, STEP_M = 60, 0.5  # 30 m out
+
+
+def there_and_back(
+    back: int = 40, aside_m: float = 0.0, off_deg: float = 0.0, rise_m: float = 0.0, wrong: int = 0
+) -> list[Crumb]:
+    """East for 30 m, then West in a lane ``aside_m`` away, facing ``off_deg`` aside, ``rise_m`` higher.
+
+    The first ``wrong`` steps of the way back are made facing 55° aside.
+    """
+    found = []
+    for k in range(OUT + back + 1):
+        yaw = math.pi + math.radians(55.0 if k <= OUT + wrong else off_deg) if k > OUT else 0.0
+        x_m = STEP_M * (k if k <= OUT else 2 * OUT - k)
+        y_m, z_m = (aside_m, rise_m) if k > OUT else (0.0, 0.0)
+        found.append(Crumb(0.5 * k, x_m, y_m, z_m, yaw, STEP_M * k))
+    return found
+
+
+def noticed(crumbs: list[Crumb], retraced_m: float = 12.0, apart_m: float = 1.5) -> TurnBack | None:
+    detector = TurnBackDetector(retraced_m, apart_m)
+    return next((found for crumb in crumbs if (found := detector.advance(crumb))), None)
+
+
+@pytest.mark.parametrize("retraced_m", [8.0, 12.0])
+def test_it_is_known_once_so_much_was_walked_back(retraced_m: float) -> None:
+    found = noticed(there_and_back(), retraced_m)
+    assert found is not None
+    assert OUT - 4 <= found.breadcrumb <= OUT
+    assert found.t_s == 0.5 * found.breadcrumb
+    walked_back_m = STEP_M * (found.known_s / 0.5 - found.breadcrumb)
+    assert retraced_m <= walked_back_m <= retraced_m + 1.0
+    assert noticed(there_and_back(back=int(2 * retraced_m) - 8), retraced_m) is None
+
+
+def test_the_way_out_must_be_as_long_as_what_is_walked_back() -> None:
+    crumbs = there_and_back()
+    for first in (OUT - 30, OUT - 16):
+        part = [Crumb(c.t_s, c.x_m, c.y_m, c.z_m, c.yaw_rad, c.walked_m - STEP_M * first) for c in crumbs[first:]]
+        assert (noticed(part) is not None) == (first == OUT - 30)
+
+
+def test_a_lane_beside_the_way_out_is_the_same_way_up_to_a_metre_and_a_half() -> None:
+    assert noticed(there_and_back(aside_m=1.4)) is not None
+    assert noticed(there_and_back(aside_m=-1.4)) is not None
+    assert noticed(there_and_back(aside_m=1.6)) is None
+    assert noticed(there_and_back(aside_m=1.6), apart_m=1.7) is not None
+
+
+def test_the_last_metres_may_be_half_as_far_again() -> None:
+    """Who drifts away from the way out at last has left it, though it was near on average."""
+    for last_m, there in ((2.2, True), (2.4, False)):
+        crumbs = [
+            Crumb(c.t_s, c.x_m, last_m if k > OUT + 14 else 0.0, c.z_m, c.yaw_rad, c.walked_m)
+            for k, c in enumerate(there_and_back(back=24))
+        ]
+        assert (noticed(crumbs) is not None) == there
+
+
+def test_another_floor_is_another_way() -> None:
+    assert noticed(there_and_back(rise_m=1.1)) is not None
+    assert noticed(there_and_back(rise_m=-1.1)) is not None
+    assert noticed(there_and_back(rise_m=1.3)) is None
+
+
+def test_who_walks_back_faces_back() -> None:
+    assert noticed(there_and_back(off_deg=28.0)) is not None
+    assert noticed(there_and_back(off_deg=-28.0)) is not None
+    assert noticed(there_and_back(off_deg=32.0)) is None
+    assert noticed(there_and_back(off_deg=180.0)) is None
+
+
+def test_few_steps_may_face_elsewhere() -> None:
+    """Of 24 half metres 15 % are three and a half."""
+    found = [noticed(there_and_back(back=24, wrong=wrong)) is not None for wrong in (2, 3, 5, 8)]
+    assert found == [True, True, False, False]
+
+
+def test_going_on_is_not_turning_back() -> None:
+    assert noticed([Crumb(0.5 * k, 0.5 * k, 0.0, 0.0, 0.0, 0.5 * k) for k in range(150)]) is None
+
+
+def test_a_whole_walk_is_searched_with_its_own_columns() -> None:
+    way = way_along((0.0, 0.0), (30.0, 0.0), (10.0, 0.0), t0_s=7.0)
+    track = StepTrack(steps_of(way))
+    found = find_turn_back(way, track, HALF_A_METRE, ReturnConfig())
+    by_crumb = noticed(there_and_back())
+    assert found is not None
+    assert by_crumb is not None
+    assert found == TurnBack(by_crumb.breadcrumb, by_crumb.t_s + 7.0, by_crumb.known_s + 7.0)
+    far = ReturnConfig(retraced_m=25.0)
+    assert find_turn_back(way, track, HALF_A_METRE, far) is None
+
+
+def columns(back: int, aside_m: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    crumbs = there_and_back(back, aside_m)
+    xyz = np.array([(c.x_m, c.y_m, c.z_m) for c in crumbs])
+    return xyz, np.array([c.yaw_rad for c in crumbs]), np.array([c.walked_m for c in crumbs])
+
+
+@pytest.mark.parametrize("back", [3, 5, 10, 20, 29])
+def test_who_says_so_late_turned_where_the_way_reverses(back: int) -> None:
+    assert reversal(*columns(back), 1.5) == OUT
+
+
+@pytest.mark.parametrize("back", [0, 1, 2, 40])
+def test_who_says_so_at_once_or_much_later_begins_there(back: int) -> None:
+    assert reversal(*columns(back), 1.5) == OUT + back
+
+
+def test_a_way_apart_is_no_reversal() -> None:
+    assert reversal(*columns(10, 1.4), 1.5) < OUT + 10
+    assert reversal(*columns(10, 1.8), 1.5) == OUT + 10
