@@ -1,5 +1,6 @@
 """Recordings read back."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -48,3 +49,17 @@ def tabs(found: set[str]) -> dict[str, rrb.Container]:
 def views(tab: rrb.Container | rrb.View) -> list[rrb.View]:
     """All views of a tab, however they are arranged."""
     return [tab] if isinstance(tab, rrb.View) else [view for part in tab.contents for view in views(part)]
+
+
+def shown(view: rrb.View, found: Iterable[str]) -> set[str]:
+    """Which of these entities a view shows."""
+    contents = view.contents
+    assert isinstance(contents, str | list)
+    expressions = ["$origin/**"] if isinstance(contents, str) else [str(expression) for expression in contents]
+    origin = str(view.origin).strip("/")
+    chosen: set[str] = set()
+    for expression in expressions:
+        path = expression.removeprefix("-").strip().replace("$origin", origin).strip("/").removesuffix("/**")
+        below = {entity for entity in found if path in ("", "**", entity) or entity.startswith(f"{path}/")}
+        chosen = chosen - below if expression.startswith("-") else chosen | below
+    return chosen
