@@ -162,6 +162,8 @@ class GraphConfig(Section):
     """Deviation of strength and dip from their usual that doubles the compass variance."""
     sigma_gap_m_s: Positive = 1.5
     """Where the log is silent the wearer may have walked at this speed, in any direction."""
+    sigma_gap_yaw_rad_s: Positive = 1.0
+    """And turned at this rate, up to facing anywhere."""
     sigma_altitude_m: Positive = 0.35
     """Barometric altitude of one step."""
     sigma_climb_m: Positive = 0.12

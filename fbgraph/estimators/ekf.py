@@ -58,12 +58,12 @@ class HeadingEkf:
         else:
             if previous.length_m == 0 and step.rest_s > 0:  # the calibration stage, before the first step
                 bias, p_bias = step.rest_rate_rad_s, step.rest_sigma_rad_s**2
-            dt_s = step.yaw_s - previous.yaw_s
+            dt_s = step.yaw_s - previous.yaw_s if step.chained else 0.0
             # θ⁻ = θ + (ω_z - b) Δt; P⁻ = F P Fᵀ + Q with F = [[1, -Δt], [0, 1]]
             yaw += step.yaw_gyro_rad - previous.yaw_gyro_rad - bias * dt_s
             p_yaw += dt_s * (dt_s * p_bias - 2.0 * p_cross) + config.sigma_yaw_step_rad**2
             p_cross -= dt_s * p_bias
-            p_bias += config.sigma_bias_walk_rad_s**2 * dt_s
+            p_bias += config.sigma_bias_walk_rad_s**2 * (step.yaw_s - previous.yaw_s)
             if not step.chained:
                 p_yaw, p_cross = math.inf, 0.0
         if math.isfinite(step.yaw_mag_rad):

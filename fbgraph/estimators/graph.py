@@ -131,12 +131,14 @@ class GraphBuilder:
     def _add_length(self, k: int, step: Step, previous: Step, graph: gtsam.NonlinearFactorGraph) -> None:
         config = self._config
         along = math.hypot(self._sigma_length_rel * step.length_m, config.sigma_slope_rel * step.shortened_m)
-        across = config.sigma_lateral_m
+        across, turn = config.sigma_lateral_m, _FREE_RAD
         if not step.chained:
-            along = across = config.sigma_gap_m_s * (step.t_s - previous.t_s)
+            silent_s = step.t_s - previous.t_s
+            along = across = config.sigma_gap_m_s * silent_s
+            turn = min(config.sigma_gap_yaw_rad_s * silent_s, math.pi)
         graph.push_back(
             gtsam.BetweenFactorPose2(
-                X(k), X(k - 1), gtsam.Pose2(-step.length_m, 0.0, 0.0), _sigmas(along, across, _FREE_RAD)
+                X(k), X(k - 1), gtsam.Pose2(-step.length_m, 0.0, 0.0), _sigmas(along, across, turn)
             )
         )
 
@@ -145,9 +147,9 @@ class GraphBuilder:
     ) -> None:
         config = self._config
         dt_s = step.yaw_s - previous.yaw_s
-        increment = step.yaw_gyro_rad - previous.yaw_gyro_rad
-        sigma = config.sigma_yaw_step_rad if step.chained else math.pi
-        graph.push_back(heading_factor(k, increment, dt_s, sigma, node, previous_node))
+        if step.chained:
+            increment = step.yaw_gyro_rad - previous.yaw_gyro_rad
+            graph.push_back(heading_factor(k, increment, dt_s, config.sigma_yaw_step_rad, node, previous_node))
         drift = config.sigma_bias_walk_rad_s * math.sqrt(max(dt_s, 1e-3))
         graph.push_back(gtsam.BetweenFactorDouble(B(k - 1), B(k), 0.0, _sigmas(drift)))
         if step.rest_s > 0:

@@ -172,7 +172,7 @@ class OnlineSmoother:
         self._steps.append(step)
         for factor in self._anchors_due(step.t_s):
             graph.push_back(factor)
-        node = self._window.add(graph, values, node)
+        node = self._window.add(graph, values, node, chained=step.chained)
         walked_m = (self._updates[-1].distance_m if self._updates else 0.0) + step.length_m
         update = Update(k, step.t_s, node.x_m, node.y_m, node.z_m, node.yaw_rad, node.bias_rad_s, walked_m)
         if self._companion is not None:
@@ -187,8 +187,10 @@ class OnlineSmoother:
     def _seed(self, step: Step) -> Node:
         """Where the next breadcrumb should be, by dead reckoning from iSAM2's latest estimate."""
         previous, before = self._window.nodes[-1], self._steps[-1]
-        turned = step.yaw_gyro_rad - before.yaw_gyro_rad - previous.bias_rad_s * (step.yaw_s - before.yaw_s)
-        if not step.chained and math.isfinite(step.yaw_mag_rad):
+        turned = 0.0
+        if step.chained:
+            turned = step.yaw_gyro_rad - before.yaw_gyro_rad - previous.bias_rad_s * (step.yaw_s - before.yaw_s)
+        elif math.isfinite(step.yaw_mag_rad):
             turned = wrap_scalar(step.yaw_mag_rad - previous.yaw_rad)
         yaw = previous.yaw_rad + turned
         x_m = previous.x_m + step.length_m * math.cos(yaw)

@@ -52,6 +52,8 @@ def smooth(
     aids = aids or Aids()
     graph, values = build_graph(track, seed, graph_config, aids, closures)
     params = gtsam.LevenbergMarquardtParams()
+    if not track.chained.all():  # what hangs on a gap alone is more than Cholesky can tell from nothing
+        params.setLinearSolverType("MULTIFRONTAL_QR")
     params.setMaxIterations(solver_config.max_iterations)
     params.setRelativeErrorTol(solver_config.relative_error)
     params.setAbsoluteErrorTol(1e-12)
@@ -60,9 +62,9 @@ def smooth(
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
     error_initial = optimizer.error()
 
-    def solve() -> tuple[gtsam.Values, gtsam.Marginals]:
+    def solve() -> tuple[gtsam.Values, gtsam.Marginals | gtsam.ISAM2]:
         result = optimizer.optimize()
-        return result, gtsam.Marginals(graph, result)
+        return result, gtsam.Marginals(graph, result) if track.chained.all() else _qr_marginals(graph, result)
 
     try:
         result, marginals = _on_deep_stack(solve, len(track))
@@ -77,6 +79,15 @@ def smooth(
         residuals=factor_residuals(graph, result),
         closures=tuple(closures),
     )
+
+
+def _qr_marginals(graph: gtsam.NonlinearFactorGraph, result: gtsam.Values) -> gtsam.ISAM2:
+    """Marginal covariances by QR, which GTSAM's own ``Marginals`` has no switch for in Python."""
+    params = gtsam.ISAM2Params()
+    params.setFactorization("QR")
+    isam = gtsam.ISAM2(params)
+    isam.update(graph, result)
+    return isam
 
 
 def tie_way_back(
@@ -119,7 +130,11 @@ def _on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
 
 
 def _trajectory_of(
-    track: StepTrack, result: gtsam.Values, marginals: gtsam.Marginals, config: GraphConfig, anchored: bool
+    track: StepTrack,
+    result: gtsam.Values,
+    marginals: gtsam.Marginals | gtsam.ISAM2,
+    config: GraphConfig,
+    anchored: bool,
 ) -> Trajectory:
     """The breadcrumbs of a solved graph; ``anchored`` says that the walk's own scale and turn are known."""
     count = len(track)

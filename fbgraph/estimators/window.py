@@ -44,23 +44,28 @@ class IsamWindow:
         self._config = config
         self._places_known = places_known
         self._graphs: list[gtsam.NonlinearFactorGraph] = []  # the factors that came with each breadcrumb of the window
+        self._after_gaps: list[int] = []  # breadcrumbs before which the log was silent
         self._isam = self._new_isam()
         self.first = 0
         self.nodes: list[Node] = []
         self.closures: list[Closure] = []
 
-    def add(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, node: Node) -> Node:
+    def add(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, node: Node, *, chained: bool = True) -> Node:
         """Take the next breadcrumb and return it as solved.
 
         Args:
             graph: the factors that come with it.
             values: its first values.
             node: the same.
+            chained: whether the log had no gap before it.
 
         Raises:
             EstimationError: the solver failed.
         """
         k = len(self.nodes)
+        if not chained:
+            self._after_gaps.append(k)
+            self._rebuild(self.first, self._isam.calculateBestEstimate())  # by QR from now on
         self.nodes.append(node)
         self._graphs.append(graph)
         with _solving(f"step {k}"):
@@ -117,17 +122,21 @@ class IsamWindow:
         split = join - self.first + 1  # factors that come with the join itself look back from it
         prior = self._eliminated(self._graphs[:split], join, result)
         self._graphs = [prior, *self._graphs[split:]]
+        self._rebuild(join, result)
+
+    def _rebuild(self, first: int, result: gtsam.Values) -> None:
+        """A new tree of the breadcrumbs from ``first`` on."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for part in self._graphs:
             graph.push_back(part)
         for closure in self.closures:
-            if closure.j > join:
-                graph.push_back(self._closure_factor(closure, join))
-        for k in range(join, len(self.nodes)):
+            if closure.j > first:
+                graph.push_back(self._closure_factor(closure, first))
+        for k in range(first, len(self.nodes)):
             values.insert(X(k), result.atPose2(X(k)))
             values.insert(Z(k), result.atDouble(Z(k)))
             values.insert(B(k), result.atDouble(B(k)))
-        self.first = join
+        self.first = first
         self._isam = self._new_isam()
         with _solving(f"step {len(self.nodes) - 1}"):
             self._isam.update(graph, values)
@@ -146,6 +155,8 @@ class IsamWindow:
         for k in range(self.first, join):
             for key in (X(k), Z(k), B(k)):
                 gone.push_back(key)
+        if any(self.first < k <= join for k in self._after_gaps):
+            return _eliminated_by_qr(older.linearize(result), gone, join, result)
         _, remaining = older.linearize(result).eliminatePartialSequential(gone)
         prior = gtsam.NonlinearFactorGraph()
         for i in range(remaining.size()):
@@ -155,7 +166,8 @@ class IsamWindow:
     def _new_isam(self) -> gtsam.ISAM2:
         """Relinearises on yaw alone: positions and biases are linear given yaw."""
         config, params = self._config, gtsam.ISAM2Params()
-        if self._places_known:  # until its first anchor the walk hangs on a thread that Cholesky cannot see
+        # until its first anchor, and after a gap, the walk hangs on a thread that Cholesky cannot see
+        if self._places_known or self._after_gaps:
             params.setFactorization("QR")
         gauss_newton = gtsam.ISAM2GaussNewtonParams()
         gauss_newton.setWildfireThreshold(config.wildfire)
@@ -177,6 +189,24 @@ def _solving(where: str) -> Iterator[None]:
         yield
     except RuntimeError as error:
         raise EstimationError(f"iSAM2 failed at {where}: {str(error).strip().splitlines()[0]}") from error
+
+
+def _eliminated_by_qr(
+    linear: gtsam.GaussianFactorGraph, gone: gtsam.Ordering, join: int, result: gtsam.Values
+) -> gtsam.NonlinearFactorGraph:
+    """What linear factors say of breadcrumb ``join`` alone, by a dense QR decomposition."""
+    kept = (X(join), Z(join), B(join))
+    for key in kept:
+        gone.push_back(key)
+    a, b = linear.jacobian(gone)
+    left = np.linalg.qr(np.column_stack((a, b)), mode="r")[: a.shape[1], :][-5:]  # of x, y, yaw, altitude, bias
+    model = gtsam.noiseModel.Unit.Create(5)
+    factor = gtsam.JacobianFactor(
+        kept[0], left[:, -6:-3], kept[1], left[:, -3:-2], kept[2], left[:, -2:-1], left[:, -1], model
+    )
+    prior = gtsam.NonlinearFactorGraph()
+    prior.push_back(gtsam.LinearContainerFactor(factor, result))
+    return prior
 
 
 def _near(yaw_rad: float, pose: gtsam.Pose2, z_m: float, bias_rad_s: float) -> Node:

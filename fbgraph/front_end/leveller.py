@@ -16,6 +16,7 @@ from fbgraph.core.log import SensorLog, Stream, empty_stream
 from fbgraph.front_end.signals import LevelledSignals
 from fbgraph.front_end.windows import WindowMoments, _interp_columns, _IntervalMean
 
+_LONG_SILENCE_S = 60.0  # of a shorter one every grid point is looked at
 _PRESSURE_MEDIAN = 5  # samples; rejects single outliers of slow barometers
 
 
@@ -63,22 +64,27 @@ class Leveller:
         return self._advance(final=True)
 
     def _advance(self, final: bool) -> LevelledSignals:
-        index = self._certain_indices(final)
+        pieces = [self._means(index) for index in self._certain_indices(final)]
+        index, acc_b, gyro_b, mag_b = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        t_s = np.asarray(index * self._dt_s, dtype=np.float64)
+        acc, gyro = np.ascontiguousarray(acc_b), np.ascontiguousarray(gyro_b)
+        signals = self._level(index, t_s, acc, gyro, mag_b)
+        self._forget()
+        return signals
+
+    def _means(self, index: IntArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """Grid points of a run of consecutive indices at which no sensor was silent, and what it measured there."""
         t_s: FloatArray = np.asarray(index * self._dt_s, dtype=np.float64)
         acc_b, acc_ok = self._acc.means(index, self._dt_s)
         gyro_b, gyro_ok = self._gyro.means(index, self._dt_s)
         mag_b = _interpolate(self._mag, t_s, self._config.max_gap_s)
         keep = acc_ok & gyro_ok
-        if not keep.all():
-            index, t_s, acc_b, gyro_b, mag_b = index[keep], t_s[keep], acc_b[keep], gyro_b[keep], mag_b[keep]
-        signals = self._level(index, t_s, np.ascontiguousarray(acc_b), np.ascontiguousarray(gyro_b), mag_b)
-        self._forget()
-        return signals
+        return index[keep], acc_b[keep], gyro_b[keep], mag_b[keep]
 
-    def _certain_indices(self, final: bool) -> IntArray:
-        """Grid indices that no later sample can change."""
+    def _certain_indices(self, final: bool) -> list[IntArray]:
+        """Grid indices that no later sample can change, in runs; those inside long silences are left out."""
         if self._acc.empty or self._gyro.empty:
-            return np.empty(0, dtype=np.int64)
+            return [np.empty(0, dtype=np.int64)]
         frontier_s = min(self._acc.last_s, self._gyro.last_s)
         if not final:
             mag_s = self._mag.t_s[-1] if len(self._mag) else -np.inf
@@ -88,9 +94,15 @@ class Leveller:
             self._next_index = int(np.ceil(first_s / self._dt_s)) + 1
         # a grid point at the very frontier waits, lest rounding put it beyond the last sample
         end = int(np.floor(frontier_s / self._dt_s + (1e-6 if final else -1e-6))) + 1
-        index = np.arange(self._next_index, max(end, self._next_index), dtype=np.int64)
-        self._next_index = max(end, self._next_index)
-        return index
+        begin, self._next_index = self._next_index, max(end, self._next_index)
+        runs = []
+        for before_s, after_s in self._acc.silences(_LONG_SILENCE_S):
+            # a few points on either side are left to ``means``, which knows exactly where the silence is
+            last, first = int(before_s / self._dt_s) + 2, int(after_s / self._dt_s) - 2
+            if begin < last and first < self._next_index:
+                runs.append(np.arange(begin, last, dtype=np.int64))
+                begin = first
+        return [*runs, np.arange(begin, self._next_index, dtype=np.int64)]
 
     def _level(
         self, index: IntArray, t_s: FloatArray, acc_b: FloatArray, gyro_b: FloatArray, mag_b: FloatArray

@@ -39,12 +39,21 @@ class Rests:
         if len(signals) == 0:
             return
         index = signals.index if self._last_index is None else np.concatenate(([self._last_index], signals.index))
+        new = len(index) - len(signals)
         holes = np.flatnonzero(index[1:] - index[:-1] > 1)
         if len(holes):
             self._last_break = int(index[holes[-1]])
         self._last_index = int(signals.index[-1])
-        edges = np.flatnonzero(signals.still[1:] != signals.still[:-1]) + 1
+        after_holes = set(
+            (holes + 1 - new).tolist()
+        )  # where a rest goes on after a gap, nobody knows what went on in it
+        edges = np.union1d(
+            np.flatnonzero(signals.still[1:] != signals.still[:-1]) + 1, [h for h in after_holes if h > 0]
+        )
+        edges = edges.astype(int)
         for lo, hi in zip(np.concatenate(([0], edges)), np.concatenate((edges, [len(signals)])), strict=True):
+            if lo in after_holes:
+                self._close(int(signals.index[lo]))
             if signals.still[lo]:
                 self._t_s = np.concatenate((self._t_s, signals.t_s[lo:hi]))[-self._limit :]
                 self._yaw_gyro = np.concatenate((self._yaw_gyro, signals.yaw_gyro_rad[lo:hi]))[-self._limit :]

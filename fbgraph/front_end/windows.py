@@ -55,6 +55,11 @@ class _IntervalMean:
         self._gap_before = np.concatenate((self._gap_before, lead_gap, dt_s > self._max_gap_s))
         self._last = stream.values[-1:]
 
+    def silences(self, least_s: float) -> list[tuple[float, float]]:
+        """Last and next time of every silence among the samples kept that is longer than this."""
+        at = np.flatnonzero(self._t_s[1:] - self._t_s[:-1] > least_s)
+        return list(zip(self._t_s[at].tolist(), self._t_s[at + 1].tolist(), strict=True))
+
     def means(self, index: IntArray, dt_s: float) -> tuple[FloatArray, BoolArray]:
         """(N, D) means over the grid interval that ends at each index, and (N,) whether no gap touches it."""
         if len(index) == 0:

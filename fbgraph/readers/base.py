@@ -24,7 +24,7 @@ MIN_RATE_HZ = 20.0  # slower than this, steps at 2 Hz are no longer well resolve
 LONG_GAP_S = 1.0
 STRAY_GAP_S, STRAY_SAMPLES = 2.0, 5  # fewer samples than this, further than this from all others: garbled times
 _FAR_NS = 1_000_000_000
-SPLIT_GAP_S = 3600.0  # nobody's walk has such a hole: the clock was set, or two logs were joined
+SPLIT_GAP_S = 172_800.0  # nobody's walk has such a hole: the clock was set, or two logs were joined
 MAX_T_NS = 4 * 10**18  # the year 2096 in Unix time; differences of two such times still fit in an int64
 GRAVITY_M_S2 = (3.0, 30.0)  # where the median |acc| of a walk must lie, whatever the calibration
 
