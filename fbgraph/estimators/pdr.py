@@ -15,7 +15,7 @@ def dead_reckon(track: StepTrack, config: StepLengthConfig) -> Trajectory:
     """Constant step length, direct heading propagation.
 
     x_k = x_{k-1} + L0 cos θ_k, y_k = y_{k-1} + L0 sin θ_k. The heading is the gyroscope's, less the bias of the
-    calibration stage (the first rest, if there was one), started at the compass. Where the log was silent neither turns.
+    calibration stage (the first rest, if there was one), started at the compass. Neither turns while the log is silent.
     The baseline has no altitude: z stays 0.
     """
     silent_s = np.cumsum(np.where(track.chained == 0, np.diff(track.yaw_s, prepend=track.yaw_s[0]), 0.0))
