@@ -25,7 +25,7 @@ from fbgraph.readers.base import LogFile
 from fbgraph.readers.dataframe import dataframe_lines, read_dataframe
 from fbgraph.readers.live_lines import LiveReader
 from fbgraph.run.findings import Finding
-from fbgraph.run.folder import run_folder
+from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.reading import read_summary, read_trajectory
 from fbgraph.run.result import WalkResult
@@ -69,22 +69,27 @@ class Walk:
         entries = self.summary["estimators"].items()
         return {name: entry["score"] for name, entry in entries if "score" in entry}
 
-    def save(self, folder: str | Path, recording: bool = True) -> Path:
+    def save(self, folder: str | Path, recording: bool = True, force: bool = False) -> Path:
         """Write the run folder, whole or not at all; returns where.
 
         Args:
-            folder: the run folder to be; an earlier run there is replaced.
+            folder: the run folder to be; a run of the same log and configuration there is replaced.
             recording: whether to write ``recording.rrd`` too.
+            force: replace the run of another log or configuration too.
 
         Raises:
             ConfigError: it cannot be written, or holds something else than a run.
         """
         out = Path(folder)
-        if self.result is not None:
-            write_run(self.result, out, recording)
-        elif self.folder is not None and self.folder.resolve() != out.resolve():
-            with run_folder(out) as partial:
-                shutil.copytree(self.folder, partial, dirs_exist_ok=True)
+        if self.folder is not None and self.folder.resolve() == out.resolve():
+            return out
+        made_by = None if self.result is None else (self.result.inputs, self.result.config)
+        with claimed_run(out, made_by, force) as claim:
+            if self.result is not None:
+                write_run(self.result, claim, recording)
+            elif self.folder is not None:
+                with claim.written() as partial:
+                    shutil.copytree(self.folder, partial, dirs_exist_ok=True)
         return out
 
     def __repr__(self) -> str:
@@ -133,7 +138,6 @@ def smooth(
     Raises:
         ConfigError: no such preset or key.
         DataError: nothing usable in a file, no step, an anchor outside the log.
-        EstimationError: the smoother failed.
     """
     file = _log_file(log, format_name)
     known = _places(truth)

@@ -10,8 +10,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fbgraph.core.aids import Told
 from fbgraph.core.config import Config, load_config
+from fbgraph.core.errors import EstimationError
 from fbgraph.core.log import SensorLog
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.answers import Smoothed
@@ -21,7 +24,7 @@ from fbgraph.front_end.front_end import detect_steps
 from fbgraph.front_end.signals import LevelledSignals
 from fbgraph.front_end.track import StepTrack
 from fbgraph.readers import preset, read_log
-from fbgraph.run.folder import run_folder, write_tables
+from fbgraph.run.folder import RunClaim, write_tables
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize, summary_markdown
@@ -63,6 +66,8 @@ def reconstruct(
 ) -> WalkResult:
     """Run dead reckoning, the EKF pipeline and the smoother on the same steps of one log.
 
+    A smoother that fails takes nothing with it: ``WalkResult.failed`` says why, the others are there.
+
     Args:
         log: the walk.
         config: the effective configuration.
@@ -72,7 +77,6 @@ def reconstruct(
 
     Raises:
         DataError: no step in the log, or an anchor that lies outside it.
-        EstimationError: the smoother failed.
     """
     told = told or Told()
     require_anchors_within(log, told)
@@ -90,13 +94,16 @@ def reconstruct(
         track, signals = detect_steps(log, config)
     with stage("baselines"):
         compared = baselines(track, config)
-    with stage("smoother"):
-        smoothed = smooth(track, compared["ekf"], config.graph, config.solver, aids)
-    turned = None
-    if config.returning.out_and_back:
-        with stage("closures"):
-            smoothed, turned = tie_way_back(smoothed, track, compared["ekf"], config, aids)
-    result = compose(log, config, told, signals, track, smoothed, compared)
+    turned, failed = None, {}
+    try:
+        with stage("smoother"):
+            smoothed = smooth(track, compared["ekf"], config.graph, config.solver, aids)
+        if config.returning.out_and_back:
+            with stage("closures"):
+                smoothed, turned = tie_way_back(smoothed, track, compared["ekf"], config, aids)
+    except EstimationError as error:
+        failed["smoothed"], smoothed = str(error), stand_in(compared["ekf"])
+    result = compose(log, config, told, signals, track, smoothed, compared, failed)
     return replace(result, seconds=seconds, inputs=inputs or RunInputs(), turn_back=turned)
 
 
@@ -118,9 +125,11 @@ def compose(
     track: StepTrack,
     smoothed: Smoothed,
     others: Mapping[str, Trajectory],
+    failed: Mapping[str, str] | None = None,
 ) -> WalkResult:
     """A walk's result from the answers of its estimators; truth is brought into the frame of the anchors."""
-    known = [*others.items(), ("smoothed", smoothed.trajectory)]
+    failed = failed or {}
+    known = [*others.items(), *([] if "smoothed" in failed else [("smoothed", smoothed.trajectory)])]
     known.sort(key=lambda one: one[0] == "online")  # in the order of ``ESTIMATORS``
     truth = None if told.truth is None else told.truth.in_frame_of(told.anchors)
     return WalkResult(
@@ -131,19 +140,31 @@ def compose(
         trajectories=dict(known),
         smoothed=smoothed,
         told=replace(told, truth=truth),
+        failed=failed,
     )
 
 
+def stand_in(ekf: Trajectory) -> Smoothed:
+    """What is shown where the smoother failed: the EKF's trajectory, which is all that is known."""
+    return Smoothed(ekf, errors=np.array([np.nan]), factors=0, residuals=())
+
+
 def write_run(
-    result: WalkResult, out: Path, recording: bool = True, progress: Progress = lambda stage: None
+    result: WalkResult, claim: RunClaim, recording: bool = True, progress: Progress = lambda stage: None
 ) -> dict[str, Any]:
     """Write the run folder, whole or not at all, and return its summary.
 
+    Args:
+        result: the walk.
+        claim: its place, held by ``claimed_run`` or ``claimed_live``.
+        recording: whether to write ``recording.rrd`` too.
+        progress: told each stage.
+
     Raises:
-        ConfigError: ``out`` cannot be written or holds something else.
+        ConfigError: it cannot be written.
         DataError: truth that does not belong to this log.
     """
-    with run_folder(out) as folder:
+    with claim.written() as folder:
         return write_files(result, folder, recording, progress)
 
 

@@ -4,28 +4,27 @@ from __future__ import annotations
 
 import itertools
 import json
-import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fbgraph.core.aids import Aids, Told
 from fbgraph.core.config import Config, dump_toml, load_config
-from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.errors import DataError, EstimationError
 from fbgraph.core.log import SensorLog
-from fbgraph.core.whole_writes import whole_file, whole_folder
+from fbgraph.core.whole_writes import whole_file
 from fbgraph.estimators.answers import Update
 from fbgraph.estimators.baselines import baselines
 from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.front_end.front_end import detect_steps
-from fbgraph.pipeline import compose, require_anchors_within, write_files
+from fbgraph.pipeline import compose, reconstruct, require_anchors_within, stand_in
 from fbgraph.readers.live_lines import LiveReader
-from fbgraph.readers.raw_lines import cut_torn_line, saved_lines, saved_log
-from fbgraph.run.folder import RAW, check_run_folder, require_no_raw
+from fbgraph.readers.raw_lines import LineCutter, RawRecorder, cut_torn_line, saved_lines, saved_log
+from fbgraph.run.folder import RAW
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.metrics import checkpoint_errors
 from fbgraph.run.result import WalkResult
@@ -36,6 +35,8 @@ if TYPE_CHECKING:
     from fbgraph.recording.live_view import LiveView
 
 OnUpdate = Callable[[Update], None]
+Tell = Callable[[str], None]
+"""Called with a sentence for the user."""
 _BELIEF_STEPS = 5  # as often as iSAM2 relinearises
 
 
@@ -86,13 +87,22 @@ class WalkInProgress:
         return updates
 
     def finish(self, log: SensorLog, told: Told, inputs: RunInputs) -> WalkResult:
-        """Everything about a walk that is over, the other estimators beside it."""
-        smoothed = self._smoother.finish()
+        """Everything about a walk that is over, the other estimators beside it.
+
+        Raises:
+            DataError: no step in it.
+        """
+        failed = {}
         track, signals = detect_steps(log, self._config)
+        others = baselines(track, self._config)
+        try:
+            smoothed = self._smoother.finish()
+        except EstimationError as error:
+            failed["smoothed"], smoothed = str(error), stand_in(others["ekf"])
         log = replace(log, notices=(*log.notices, *self._guide.warnings()))
-        others = {**baselines(track, self._config), "online": self._smoother.causal}
+        others["online"] = self._smoother.causal
         result = replace(
-            compose(log, self._config, told, signals, track, smoothed, others),
+            compose(log, self._config, told, signals, track, smoothed, others, failed),
             beliefs=tuple(self._smoother.beliefs),
             turn_back=self._guide.turn_back or self._smoother.turn_back,
             returning=tuple(self._guide.updates),
@@ -102,6 +112,65 @@ class WalkInProgress:
         if self._view is not None:
             self._view.finished(result, self._smoother, summary_markdown(summarize(result)))
         return result
+
+
+class _LiveEstimates:
+    """The estimates of a live walk. Whatever goes wrong in them, the recording of its lines goes on."""
+
+    def __init__(self, start: Callable[[], tuple[LiveReader, WalkInProgress]], raw_path: Path, tell: Tell) -> None:
+        self._start = start
+        self._raw_path = raw_path
+        self._tell = tell
+        self._restarts = 0
+        self.reader, self.walk = start()
+        self.failure: str | None = None
+
+    def feed(self, lines: list[str], on_update: OnUpdate | None) -> None:
+        """Make something of the next lines, or start again from all that is stored, or give up until the end."""
+        if self.failure is not None or not lines:
+            return
+        try:
+            self.walk.feed(self.reader.push(lines), on_update)
+        except Exception as error:  # an estimator that fails never stops a recording
+            self._restart(error)
+
+    def catch_up(self) -> None:
+        """Take the lines that are stored already; their steps are not reported again."""
+        try:
+            for lines in saved_lines(self._raw_path):
+                self.walk.feed(self.reader.push(lines))
+        except Exception as error:
+            self._give_up(error)
+
+    def finish(self, log: SensorLog, config: Config, told: Told, inputs: RunInputs) -> WalkResult:
+        """The finished walk; from the stored lines alone if the estimates had failed."""
+        if self.failure is None:
+            try:
+                self.walk.feed(self.reader.finish())
+                return self.walk.finish(log, told, inputs)
+            except Exception as error:
+                self._give_up(error)
+        result = reconstruct(log, config, told, inputs)
+        notice = f"the live estimates ended early ({self.failure}); the walk was smoothed from its stored lines"
+        return replace(result, log=replace(result.log, notices=(*result.log.notices, notice)))
+
+    def _restart(self, error: Exception) -> None:
+        if self._restarts:
+            self._give_up(error)
+            return
+        self._restarts += 1
+        self._tell(f"the estimates failed ({_first_line(error)}); starting them again from the stored lines")
+        self.reader, self.walk = self._start()
+        self.catch_up()
+
+    def _give_up(self, error: Exception) -> None:
+        self.failure = _first_line(error)
+        self._tell(f"no more estimates until the end ({self.failure}); every line is still recorded")
+
+
+def _first_line(error: Exception) -> str:
+    text = str(error).strip() or type(error).__name__
+    return text.splitlines()[0]
 
 
 def _without_foreign_truth(result: WalkResult) -> WalkResult:
@@ -161,58 +230,54 @@ def replay_log(
 
 def follow_source(
     source: Iterable[bytes],
-    out: Path,
+    place: Path,
     config: Config,
     told: Told | None = None,
     *,
     on_update: OnUpdate | None = None,
+    tell: Tell = lambda text: None,
     resume: bool = False,
     recording: bool = True,
     view: LiveView | None = None,
     inputs: RunInputs | None = None,
 ) -> WalkResult:
-    """Follow a live source; every complete line is on disk before it is used.
+    """Follow a live source; every byte is on disk before it is used, and recorded whatever the estimates do.
 
     Args:
-        source: bytes as they arrive.
-        out: the run folder; ``raw.csv`` and ``config.toml`` are there from the start.
+        source: bytes as they arrive; nothing, now and then, while it is silent.
+        place: the run folder, claimed (``claimed_live``); ``raw.csv`` and ``config.toml`` are there from the start.
         config: the effective configuration.
         told: truth on the device's clock, a closed end, an origin; no anchors, for that clock is not known beforehand.
         on_update: called at each step.
-        resume: go on from the lines in ``out/raw.csv``; their steps are not reported again.
+        tell: called with what went wrong meanwhile.
+        resume: go on from the lines in ``raw.csv``; their steps are not reported again.
         recording: whether the result is to hold beliefs.
         view: shows the walk meanwhile.
         inputs: as in ``WalkResult``.
 
     Raises:
-        ConfigError: ``out`` holds something else, or there is nothing to resume.
+        ConfigError: nothing can be written there.
         DataError: no usable line or no step arrived.
-        EstimationError: the solver failed.
     """
     told = told or Told()
-    raw_path, reader = out / RAW, LiveReader(out.name)
-    walk = WalkInProgress(config, Aids(closed_walk=told.closed_walk), recording, view)
+    raw_path, cutter = place / RAW, LineCutter()
+    aids = Aids(closed_walk=told.closed_walk)
+    estimates = _LiveEstimates(
+        lambda: (LiveReader(place.name), WalkInProgress(config, aids, recording, view)), raw_path, tell
+    )
     if resume:
         cut_torn_line(raw_path)
-        for line_block in saved_lines(raw_path):
-            walk.feed(reader.push(line_block), None)
-    else:
-        check_run_folder(out)
-        require_no_raw(out)
-        out.mkdir(parents=True, exist_ok=True)
-        for name in os.listdir(out):
-            (out / name).unlink()
-    _keep_config(config, out)
-    rest = b""
-    with open(raw_path, "ab", buffering=0) as raw:
-        for data in source:
-            complete, newline, rest = (rest + data).rpartition(b"\n")
-            if not newline:
-                continue
-            raw.write(complete + newline)
-            walk.feed(reader.push(complete.decode("latin-1").split("\n")), on_update)
-    walk.feed(reader.finish(), on_update)
-    return walk.finish(saved_log(raw_path), told, replace(inputs or RunInputs(), log=RAW))
+        estimates.catch_up()
+    _keep_config(config, place)
+    try:
+        with RawRecorder(raw_path) as raw:
+            for data in source:
+                raw.write(data)
+                estimates.feed(cutter.push(data), on_update)
+    except OSError as error:
+        tell(f"recording ended: {raw_path}: {error.strerror or error}; what came before is kept there")
+    estimates.feed(cutter.finish(), on_update)
+    return estimates.finish(saved_log(raw_path), config, told, replace(inputs or RunInputs(), log=RAW))
 
 
 def _keep_config(config: Config, out: Path) -> None:
@@ -224,27 +289,15 @@ def _keep_config(config: Config, out: Path) -> None:
         partial.write_text(text, "utf-8")
 
 
-def resumed_config(out: Path, return_at: str | None = None) -> Config:
-    """The configuration with which the walk in ``out`` was begun, when the way back begins included.
+def resumed_config(place: Path, return_at: str | None = None) -> Config:
+    """The configuration with which the live walk in a claimed run folder was begun.
 
     Args:
-        out: the run folder.
+        place: the run folder.
         return_at: overrules when the way back begins.
 
     Raises:
-        ConfigError: there is no walk to resume.
+        ConfigError: it is damaged.
     """
-    if not (out / RAW).is_file() or not (out / "config.toml").is_file():
-        raise ConfigError(f"--resume {out}: no {RAW} and config.toml there, so no walk to go on with")
     overrides = () if return_at is None else (f"returning.at={json.dumps(return_at)}",)
-    return load_config(str(out / "config.toml"), overrides)
-
-
-def write_walk(result: WalkResult, out: Path, recording: bool = True) -> dict[str, Any]:
-    """Write the run folder of a walk that was followed; ``raw.csv`` stays. Returns its summary.
-
-    Raises:
-        ConfigError: ``out`` cannot be written.
-    """
-    with whole_folder(out, keep=(RAW,)) as folder:
-        return write_files(result, folder, recording)
+    return load_config(str(place / "config.toml"), overrides)

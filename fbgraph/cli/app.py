@@ -51,6 +51,9 @@ ReturnAtOption = Annotated[
     ),
 ]
 NoRecordingOption = Annotated[bool, typer.Option("--no-recording", help="Write no recording.rrd.")]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace the run of another log or configuration; never a live walk.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +15,7 @@ from fbgraph.cli.app import (
     AnchorsOption,
     ClosedLoopOption,
     ConfigOption,
+    ForceOption,
     FormatOption,
     JsonOption,
     LogArgument,
@@ -26,7 +28,7 @@ from fbgraph.cli.app import (
     require_rerun,
 )
 from fbgraph.cli.printing import print_summary, progress_bar
-from fbgraph.core.errors import ConfigError
+from fbgraph.core.errors import ConfigError, EstimationError
 
 if TYPE_CHECKING:
     from fbgraph.core.config import Config
@@ -52,11 +54,13 @@ def smooth(
         typer.Option("--out-and-back/--no-out-and-back", help="Look for a turn-back; tie the way back to the way out."),
     ] = True,
     no_recording: NoRecordingOption = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps."""
     from fbgraph.core.georeference import parse_origin
     from fbgraph.pipeline import read_walk, reconstruct, write_run
+    from fbgraph.run.folder import claimed_run
     from fbgraph.run.inputs import RunInputs
 
     set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
@@ -65,14 +69,11 @@ def smooth(
     with progress_bar() as progress:
         progress("read")
         walk, effective, told = read_walk(inputs, config, set_)
-        result = reconstruct(walk, effective, told, inputs, progress)
         folder = out or Path("runs") / walk.name
-        summary = write_run(result, folder, recording=not no_recording, progress=progress)
-    if as_json:
-        print(json.dumps({"out": str(folder), **summary}, indent=2))
-    else:
-        print_summary(summary)
-        print(f"written to {folder}")
+        with claimed_run(folder, (inputs, effective), force) as claim:
+            result = reconstruct(walk, effective, told, inputs, progress)
+            summary = write_run(result, claim, recording=not no_recording, progress=progress)
+    _show(summary, folder, as_json, indent=2)
 
 
 @app.command()
@@ -104,15 +105,16 @@ def online(
     origin: OriginOption = None,
     return_at: ReturnAtOption = None,
     no_recording: NoRecordingOption = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """The trajectory while walking: replay a log, or follow a live device. Ctrl-C ends the walk, not the data."""
     from fbgraph import session
     from fbgraph.core.config import load_config
     from fbgraph.core.georeference import parse_origin
-    from fbgraph.pipeline import read_walk
+    from fbgraph.pipeline import read_walk, write_run
     from fbgraph.readers.sources import open_source
-    from fbgraph.run.folder import check_run_folder
+    from fbgraph.run.folder import claimed_live, claimed_run
     from fbgraph.run.inputs import RunInputs
 
     folder = _online_folder(log, source, out, resume)
@@ -125,42 +127,56 @@ def online(
     where = None if origin is None else parse_origin(origin)
     inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where)
     show, pace = _update_printer(follow, as_json), _speed(speed)
-    check_run_folder(folder)
     stopping = _stop_on_signals()
     if source is None:
         walk, effective, told = read_walk(inputs, config, set_)
-        result = session.replay_log(
-            walk,
-            effective,
-            told,
-            chunk_s=chunk,
-            speed=pace,
-            on_update=show,
-            stop=stopping,
-            recording=not no_recording,
-            view=_live_view(effective, view, connect),
-            inputs=inputs,
-        )
+        with claimed_run(folder, (inputs, effective), force) as claim:
+            result = session.replay_log(
+                walk,
+                effective,
+                told,
+                chunk_s=chunk,
+                speed=pace,
+                on_update=show,
+                stop=stopping,
+                recording=not no_recording,
+                view=_live_view(effective, view, connect),
+                inputs=inputs,
+            )
+            summary = write_run(result, claim, recording=not no_recording)
     else:
-        effective = session.resumed_config(folder, return_at) if resume else load_config(config or "m5stickc", set_)
-        told = inputs.read_told()
-        result = session.follow_source(
-            open_source(source, stopping),
-            folder,
-            effective,
-            told,
-            on_update=show,
-            resume=resume is not None,
-            recording=not no_recording,
-            view=_live_view(effective, view, connect),
-            inputs=inputs,
-        )
-    summary = session.write_walk(result, folder, recording=not no_recording)
+        with claimed_live(folder, resume is not None, force) as claim:
+            place = claim.place
+            effective = session.resumed_config(place, return_at) if resume else load_config(config or "m5stickc", set_)
+            result = session.follow_source(
+                open_source(source, stopping),
+                place,
+                effective,
+                inputs.read_told(),
+                on_update=show,
+                tell=lambda text: print(f"fbgraph: {text}", file=sys.stderr, flush=True),
+                resume=resume is not None,
+                recording=not no_recording,
+                view=_live_view(effective, view, connect),
+                inputs=inputs,
+            )
+            summary = write_run(result, claim, recording=not no_recording)
+    _show(summary, folder, as_json)
+
+
+def _show(summary: dict[str, Any], folder: Path, as_json: bool, indent: int | None = None) -> None:
+    """Print what a run found.
+
+    Raises:
+        EstimationError: an estimator failed; told last, when what the others found is written.
+    """
     if as_json:
-        print(json.dumps({"out": str(folder), **summary}))
+        print(json.dumps({"out": str(folder), **summary}, indent=indent))
     else:
         print_summary(summary)
         print(f"written to {folder}")
+    for name, why in summary["failed"].items():
+        raise EstimationError(f"no {name} trajectory: {why}; what the other estimators found is in {folder}")
 
 
 def _online_folder(log: Path | None, source: str | None, out: Path | None, resume: Path | None) -> Path:
@@ -177,9 +193,11 @@ def _online_folder(log: Path | None, source: str | None, out: Path | None, resum
         raise ConfigError("--resume DIR is where the walk is kept: leave out --out")
     if folder := resume or out:
         return folder
+    from fbgraph.readers.base import log_name
+
     if log is None:
         raise ConfigError("--out DIR says where the walk is kept")
-    return Path("runs") / (log.name.removesuffix(".gz").rpartition(".")[0] or log.name)
+    return Path("runs") / log_name(log)
 
 
 def _live_view(config: Config, view: bool, url: str | None) -> LiveView | None:

@@ -106,6 +106,10 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         ConfigError: the file cannot be written, or another process is writing it.
     """
+    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe, a terminal
+        with _told(path):
+            yield path
+        return
     with locked(path) as place, _beside(place) as folder, _told(path):
         partial = folder / place.name
         yield partial
@@ -172,6 +176,11 @@ def _clear_leftovers(place: Path) -> None:
     for entry in place.parent.iterdir():
         if entry.name.startswith(prefix) and entry.name != lock and entry.is_dir() and not entry.is_symlink():
             shutil.rmtree(entry, ignore_errors=True)
+
+
+def is_leftover(name: str) -> bool:
+    """Whether a name is that of a lock, or of something that was being written when its process died."""
+    return name.startswith(".") and f".{_OURS}-" in name
 
 
 def _hold(lock: Path) -> int | None:

@@ -199,7 +199,8 @@ def _eliminated_by_qr(
     for key in kept:
         gone.push_back(key)
     a, b = linear.jacobian(gone)
-    left = np.linalg.qr(np.column_stack((a, b)), mode="r")[: a.shape[1], :][-5:]  # of x, y, yaw, altitude, bias
+    triangle = np.asarray(np.linalg.qr(np.column_stack((a, b)), mode="r"))
+    left = triangle[: a.shape[1]][-5:]  # of x, y, yaw, altitude, bias
     model = gtsam.noiseModel.Unit.Create(5)
     factor = gtsam.JacobianFactor(
         kept[0], left[:, -6:-3], kept[1], left[:, -3:-2], kept[2], left[:, -2:-1], left[:, -1], model

@@ -89,9 +89,10 @@ def open_text(path: Path) -> Iterator[IO[str]]:
 
 
 def log_name(path: Path) -> str:
-    """The file's name without ``.gz`` and without its last suffix."""
+    """The file's name without ``.gz`` and without its last suffix; ``walk`` if that names no file of its own."""
     name = path.name.removesuffix(".gz")
-    return Path(name).stem or name
+    stem = Path(name).stem or name
+    return stem if stem.strip(".") else "walk"
 
 
 def to_ns(t: FloatArray | IntArray, tick_ns: int) -> IntArray:

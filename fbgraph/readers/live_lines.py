@@ -57,19 +57,17 @@ class LiveReader:
         return (self._t0_ns or 0) / 1e9
 
     def push(self, lines: Sequence[str]) -> SensorLog:
-        """Take complete lines (with or without line ends); return the samples that they complete.
-
-        Raises:
-            DataError: the first lines name no accelerometer and do not look like rows of one.
-        """
+        """Take complete lines (with or without line ends); return the samples that they complete."""
         kept = [line for line in (raw.rstrip("\r\n") for raw in lines) if line and line[0] != "#"]
         self.counts["lines"] += len(lines)
         if self._settled:
             return self._samples(kept)
         self._waiting += kept
-        if len(self._waiting) < _SETTLE_LINES:
-            return self._samples([])
-        return self._settle()
+        while len(self._waiting) >= _SETTLE_LINES:
+            if find_columns(self._waiting[:_HEADER_LINES]) is not None:
+                return self._settle()
+            self._give_up(_HEADER_LINES)
+        return self._samples([])
 
     def finish(self) -> SensorLog:
         """What was held back; rows with a doubtful time are given up.
@@ -77,10 +75,19 @@ class LiveReader:
         Raises:
             DataError: no line named an accelerometer.
         """
+        while not self._settled and len(self._waiting) > _HEADER_LINES:
+            if find_columns(self._waiting[:_HEADER_LINES]) is not None:
+                break
+            self._give_up(_HEADER_LINES)
         piece = self._settle() if not self._settled else self._samples([])
         self.counts["rows_odd_time"] += len(self._held)
         self._held = []
         return piece
+
+    def _give_up(self, lines: int) -> None:
+        """The first lines waiting name nothing: a device that boots, a stray sender."""
+        self.counts["lines_before_header"] += lines
+        del self._waiting[:lines]
 
     def _settle(self) -> SensorLog:
         self._columns = find_columns(self._waiting[:_HEADER_LINES])

@@ -29,7 +29,7 @@ EXAMPLE = f"""\
 10250,0.012,-0.034,0.998,1.22,-0.61,0.31,21.4,-3.2,-40.1,1013.25,31.5,
 10260,0.015,-0.031,1.002,1.10,-0.55,0.37,,,,,,button
 """
-_HEAD_LINES = 50
+_HEAD_LINES, _LATEST_HEADER = 50, 1000
 _RESTART_NS = 1_000_000_000
 
 
@@ -41,11 +41,14 @@ def detects(head: str) -> bool:
 
 
 def find_columns(lines: list[str]) -> Columns | None:
-    """The columns named by the first header among the first lines, or else the canonical ones if the lines fit them."""
-    head = lines[:_HEAD_LINES]
-    for line in head:
+    """The columns named by the first header, or else the canonical ones if the first lines fit them.
+
+    Many devices print what they boot before they log, so that a header may come late.
+    """
+    for line in lines[:_LATEST_HEADER]:
         if columns := Columns.from_header(line):
             return columns
+    head = lines[:_HEAD_LINES]
     guesses = [guess for line in head if (guess := Columns.assumed(line))]
     names, votes = Counter(guess.names for guess in guesses).most_common(1)[0] if guesses else ((), 0)
     return Columns.from_header(",".join(names)) if votes > len(head) / 2 else None

@@ -1,11 +1,13 @@
-"""The raw lines of a live walk, read back."""
+"""The raw lines of a live walk: kept on disk before anything is made of them, and read back."""
 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import TracebackType
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.log import SensorLog
@@ -13,6 +15,88 @@ from fbgraph.readers.base import OPTIONAL_SENSORS
 from fbgraph.readers.live_lines import LiveReader
 
 _TAIL_BYTES, _BLOCK_BYTES = 1 << 16, 1 << 21
+_LONGEST_LINE = 1 << 16  # bytes; what runs on for longer is no line of a log
+_SYNC_S = 0.5
+
+
+class LineCutter:
+    """Bytes in any pieces in, complete lines out; lines end with LF, CR LF or CR.
+
+    Attributes:
+        too_long: lines that were left out because they ran on for more than 64 KiB.
+    """
+
+    def __init__(self) -> None:
+        self._rest = bytearray()
+        self._skipping = False
+        self.too_long = 0
+
+    def push(self, data: bytes) -> list[str]:
+        """Take the next bytes; return the lines that they complete, without their ends."""
+        if not data:
+            return []
+        self._rest += data
+        held = b""
+        if self._rest.endswith(b"\r"):  # the LF of a CR LF may come with the next piece
+            held = b"\r"
+            del self._rest[-1:]
+        *lines, rest = bytes(self._rest).replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")
+        self._rest = bytearray(rest + held)
+        if lines and self._skipping:
+            lines, self._skipping = lines[1:], False
+        if len(rest) > _LONGEST_LINE:
+            self.too_long += not self._skipping
+            self._rest, self._skipping = bytearray(held), True
+        kept = [line for line in lines if len(line) <= _LONGEST_LINE]
+        self.too_long += len(lines) - len(kept)
+        return [line.decode("latin-1") for line in kept]
+
+    def finish(self) -> list[str]:
+        """The last line, if it is complete but for the LF that might have followed its CR."""
+        return self.push(b"\n") if self._rest.endswith(b"\r") else []
+
+
+class RawRecorder:
+    """Appends what a device sends to a file as it comes, and brings it to the disk at least once a second."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the file, or begin it.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        self._file = open(path, "ab", buffering=0)  # noqa: SIM115  closed by ``close``
+        self._synced_s = time.monotonic()
+        self._dirty = False
+
+    def __enter__(self) -> RawRecorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def write(self, data: bytes) -> None:
+        """Store bytes; without any, only see to it that what was stored before is on the disk in time.
+
+        Raises:
+            OSError: the disk is full, or gone.
+        """
+        view = memoryview(data)
+        while len(view):
+            view = view[self._file.write(view) :]
+            self._dirty = True
+        if self._dirty and time.monotonic() - self._synced_s >= _SYNC_S:
+            self._sync()
+
+    def close(self) -> None:
+        """Bring everything to the disk."""
+        if not self._file.closed:
+            self._sync()
+            self._file.close()
+
+    def _sync(self) -> None:
+        os.fsync(self._file.fileno())
+        self._synced_s, self._dirty = time.monotonic(), False
 
 
 def saved_log(raw_path: Path) -> SensorLog:
@@ -46,15 +130,17 @@ def cut_torn_line(raw_path: Path) -> None:
     with open(raw_path, "rb+") as raw:
         size = raw.seek(0, os.SEEK_END)
         tail = b""
-        while size and b"\n" not in tail:
+        while size and not {*tail} & {*b"\r\n"}:
             size = max(size - _TAIL_BYTES, 0)
             raw.seek(size)
             tail = raw.read(_TAIL_BYTES)
-        raw.truncate(size + tail.rfind(b"\n") + 1)
+        raw.truncate(size + max(tail.rfind(b"\n"), tail.rfind(b"\r")) + 1)
 
 
 def saved_lines(raw_path: Path) -> Iterator[list[str]]:
     """Blocks of complete lines; one torn by a crash is left out."""
+    cutter = LineCutter()
     with open(raw_path, "rb") as raw:
-        while lines := raw.readlines(_BLOCK_BYTES):
-            yield [line[:-1].decode("latin-1") for line in lines if line.endswith(b"\n")]
+        while data := raw.read(_BLOCK_BYTES):
+            yield cutter.push(data)
+    yield cutter.finish()

@@ -13,12 +13,16 @@ from fbgraph.core.errors import ConfigError, DataError
 _POLL_S = 0.2  # how soon a source notices that it should stop
 _CHUNK = 65536
 _BAUD = 115200
+_ROW_COMMAS = 6  # of a line with accelerometer and gyroscope
 
 Stop = Callable[[], bool]
 
 
 def open_source(spec: str, stop: Stop) -> Iterator[bytes]:
     """Pieces of input as they arrive, cut anywhere, until the source ends or ``stop()`` is true.
+
+    Nothing, ``b""``, comes several times a second while the source is silent, so that who reads can do other things.
+    A TCP device that disconnects is waited for again; one sender is listened to at a time.
 
     Args:
         spec: ``stdin``, ``serial:PORT[@BAUD]`` (115200 baud if not told), ``udp://[HOST]:PORT`` or ``tcp://[HOST]:PORT``.
@@ -49,11 +53,12 @@ def _stdin(stop: Stop) -> Iterator[bytes]:
 
 def _read(descriptor: int, stop: Stop) -> Iterator[bytes]:
     while not stop():
+        data = b""
         if select.select([descriptor], [], [], _POLL_S)[0]:
             data = os.read(descriptor, _CHUNK)
             if not data:
                 return
-            yield data
+        yield data
 
 
 def _serial(port: str, baud: int, stop: Stop) -> Iterator[bytes]:
@@ -71,8 +76,7 @@ def _serial(port: str, baud: int, stop: Stop) -> Iterator[bytes]:
                     data = device.read(max(device.in_waiting, 1))
                 except (serial.SerialException, OSError):  # the cable was pulled
                     return
-                if data:
-                    yield data
+                yield data
 
     return lines()
 
@@ -81,11 +85,18 @@ def _udp(host: str, port: int, stop: Stop) -> Iterator[bytes]:
     receiver = _bound(socket.SOCK_DGRAM, host, port)
 
     def datagrams() -> Iterator[bytes]:
+        sender: object = None  # the first who sends something like a row; others are strays
         with receiver:
             while not stop():
+                data = b""
                 if select.select([receiver], [], [], _POLL_S)[0]:
-                    data = receiver.recv(_CHUNK)
-                    yield data if data.endswith(b"\n") else data + b"\n"  # a datagram holds whole lines
+                    data, address = receiver.recvfrom(_CHUNK)
+                    if sender is None and data.count(b",") >= _ROW_COMMAS:
+                        sender = address
+                    if sender not in (None, address):
+                        continue
+                    data = data if data.endswith((b"\n", b"\r")) else data + b"\n"  # a datagram holds whole lines
+                yield data
 
     return datagrams()
 
@@ -95,18 +106,41 @@ def _tcp(host: str, port: int, stop: Stop) -> Iterator[bytes]:
     server.listen(1)
 
     def received() -> Iterator[bytes]:
-        with server:
+        device: socket.socket | None = None
+        heard = False  # who has connected but said nothing gives way to who comes later
+        try:
             while not stop():
-                if select.select([server], [], [], _POLL_S)[0]:
-                    connection, _ = server.accept()
-                    with connection:
-                        try:
-                            yield from _read(connection.fileno(), stop)
-                        except OSError:  # the device went away
-                            return
-                    return
+                ready = select.select([s for s in (server, device) if s is not None], [], [], _POLL_S)[0]
+                data = b""
+                if device in ready and device is not None:
+                    data = _received(device)
+                    heard = heard or bool(data)
+                    if not data:  # the device went away; it may come back, and its last line was torn
+                        device.close()
+                        device, data = None, b"\n"
+                if server in ready:
+                    caller, _ = server.accept()
+                    if device is not None and heard:
+                        caller.close()
+                    else:
+                        if device is not None:
+                            device.close()
+                        device, heard = caller, False
+                yield data
+        finally:
+            server.close()
+            if device is not None:
+                device.close()
 
     return received()
+
+
+def _received(device: socket.socket) -> bytes:
+    """What came; nothing if the connection ended, in whatever way."""
+    try:
+        return device.recv(_CHUNK)
+    except OSError:
+        return b""
 
 
 def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:

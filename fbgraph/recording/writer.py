@@ -73,10 +73,10 @@ class RrdWriter:
         Raises:
             OSError: the file cannot be written.
         """
-        try:
-            self._stream.save(path, default_blueprint=arranged)
-        except RuntimeError as error:
-            raise OSError(f"{path}: {error}") from error
+        # not by ``RecordingStream.save``: it hangs or keeps quiet when the disk is full
+        memory = self._stream.memory_recording()
+        self._stream.send_blueprint(arranged, make_active=False, make_default=True)
+        path.write_bytes(memory.drain_as_bytes())
         self._stream.disconnect()
 
     def copy(self, chunks: Sequence[Chunk], below: str) -> None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fbgraph.core.config import dump_toml
+from fbgraph.core.config import Config, dump_toml
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.trajectory import Trajectory, write_tum
-from fbgraph.core.whole_writes import whole_folder
+from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
+from fbgraph.run.inputs import RunInputs
 from fbgraph.run.result import WalkResult
 from fbgraph.way_back.records import ReturnUpdate
 
@@ -27,30 +30,111 @@ RUN_FILES = {
 }
 
 
+@dataclass(frozen=True)
+class RunClaim:
+    """A place for a run folder that nobody else writes to meanwhile.
+
+    Attributes:
+        place: where it really is.
+        check: raises if what is there by now must stay.
+        keep: names of files there that stay when the run is written.
+    """
+
+    place: Path
+    check: Callable[[Path], None]
+    keep: tuple[str, ...] = ()
+
+    def written(self) -> AbstractContextManager[Path]:
+        """A folder to write into that becomes the run when the block ends well, and vanishes when it does not."""
+        return whole_folder(self.place, self.keep, self.check)
+
+
 @contextmanager
-def run_folder(out: Path) -> Iterator[Path]:
-    """A folder to write into that becomes ``out`` when the block ends well, and vanishes when it does not.
+def claimed_run(out: Path, made_by: tuple[RunInputs, Config] | None = None, force: bool = False) -> Iterator[RunClaim]:
+    """Hold the place of a run that is about to be made.
 
-    An earlier run at ``out`` is replaced; anything else there is left alone.
-
-    Raises:
-        ConfigError: ``out`` is a file, a folder that is not a run or that of a live walk, or its parent cannot be
-            written.
-    """
-    check_run_folder(out)
-    require_no_raw(out)
-    with whole_folder(out) as folder:
-        yield folder
-
-
-def check_run_folder(out: Path) -> None:
-    """Refuse a place that holds anything but an earlier run.
+    Args:
+        out: the run folder; a run of the same log and configuration there is replaced.
+        made_by: what the new run is made from; None if that does not matter.
+        force: replace the run of another log or configuration too.
 
     Raises:
-        ConfigError: ``out`` is a file, or a folder with files that no run wrote.
+        ConfigError: ``out`` holds something else, a live walk, or a run that may not be replaced; it cannot be
+            written; another process writes there.
     """
-    if out.exists() and (not out.is_dir() or {entry.name for entry in out.iterdir()} - RUN_FILES):
-        raise ConfigError(f"--out {out}: exists and is not a run folder; name another, or remove it")
+
+    def check(place: Path) -> None:
+        require_replaceable(place, made_by, force)
+
+    with locked(out) as place:
+        check(place)
+        yield RunClaim(place, check)
+
+
+@contextmanager
+def claimed_live(out: Path, resume: bool, force: bool = False) -> Iterator[RunClaim]:
+    """Hold the place of a live walk, whose raw lines are kept there from its first byte on.
+
+    Args:
+        out: the run folder.
+        resume: go on with the walk that is there; else nothing may be there but an empty one.
+        force: let a finished run go; never a live walk.
+
+    Raises:
+        ConfigError: as ``claimed_run``; a finished run is there; nothing is there to resume.
+    """
+
+    def nothing(place: Path) -> None:
+        """The walk that was recorded here under this very claim may be finished."""
+
+    with locked(out) as place:
+        if resume:
+            if not (place / RAW).is_file() or not (place / "config.toml").is_file():
+                raise ConfigError(f"--resume {out}: no {RAW} and config.toml there, so no walk to go on with")
+        else:
+            require_replaceable(place, None, force)
+            if (place / "summary.json").exists() and not force:
+                raise ConfigError(f"--out {out}: holds a finished run; name another folder, or --force lets it go")
+            with whole_folder(place):
+                pass
+        yield RunClaim(place, nothing, keep=(RAW,))
+
+
+def require_replaceable(place: Path, made_by: tuple[RunInputs, Config] | None = None, force: bool = False) -> None:
+    """Refuse to replace anything but a run, a live walk in any case, another walk's run without ``force``.
+
+    Args:
+        place: where it is.
+        made_by, force: as in ``claimed_run``.
+
+    Raises:
+        ConfigError: it must stay.
+    """
+    if not os.path.lexists(place):
+        return
+    names = {entry.name for entry in place.iterdir() if not is_leftover(entry.name)} if place.is_dir() else {""}
+    if names - RUN_FILES:
+        raise ConfigError(f"--out {place}: exists and is not a run folder; name another, or remove it")
+    if RAW in names and (place / RAW).stat().st_size > 0:
+        raise ConfigError(f"--out {place}: holds {RAW}, the only copy of a live walk; name another folder")
+    if not names - {RAW, "config.toml"}:
+        return  # nothing, or a live walk of which no byte ever came
+    try:
+        summary = json.loads((place / "summary.json").read_text("utf-8"))
+        made, noted = summary["fbgraph"], summary.get("inputs") or {}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        made, noted = None, {}
+    if not isinstance(made, str) or not isinstance(noted, dict):
+        raise ConfigError(f"--out {place}: exists and holds no whole run; name another, or remove it")
+    if made_by is None or force:
+        return
+    inputs, config = made_by
+    if noted.get("log") != inputs.log:
+        raise ConfigError(f"--out {place}: holds the run of {noted.get('log')}; name another, or --force replaces it")
+    if not (place / "config.toml").is_file() or (place / "config.toml").read_text("utf-8") != dump_toml(config):
+        raise ConfigError(
+            f"--out {place}: holds a run with another configuration; name another, or --force replaces it"
+        )
 
 
 def require_free(path: Path, option: str) -> None:
@@ -63,21 +147,12 @@ def require_free(path: Path, option: str) -> None:
         raise ConfigError(f"{option} {path}: that is a run's own file; name another")
 
 
-def require_no_raw(out: Path) -> None:
-    """Refuse to replace the only copy of a live walk.
-
-    Raises:
-        ConfigError: ``out`` holds one.
-    """
-    if (out / RAW).is_file():
-        raise ConfigError(f"--out {out}: holds {RAW}, the only copy of a live walk; name another folder")
-
-
 def write_tables(result: WalkResult, folder: Path, summary: dict[str, Any]) -> None:
     """Trajectories, breadcrumbs, summary (of ``summarize``) and configuration into an existing folder."""
     for name, trajectory in result.trajectories.items():
         write_tum(folder / f"{name}.tum", trajectory, result.log.t0_s)
-    write_breadcrumbs(folder / "breadcrumbs.csv", result.smoothed.trajectory, result.log.t0_s)
+    if "smoothed" not in result.failed:
+        write_breadcrumbs(folder / "breadcrumbs.csv", result.smoothed.trajectory, result.log.t0_s)
     if result.returning:
         write_returns(folder / RETURNS, result.returning, result.log.t0_s)
     (folder / "config.toml").write_text(dump_toml(result.config), "utf-8")

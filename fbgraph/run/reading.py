@@ -53,7 +53,7 @@ def read_trajectory(run: Path, estimator: str) -> Trajectory:
     """
     if estimator not in ESTIMATORS:
         raise ConfigError(f"unknown estimator {estimator!r}: expected one of {', '.join(ESTIMATORS)}")
-    if estimator == "smoothed":
+    if estimator == "smoothed" and (run / "breadcrumbs.csv").is_file():
         return read_breadcrumbs(run / "breadcrumbs.csv")
     path = run / f"{estimator}.tum"
     if not path.is_file():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,6 +40,7 @@ class WalkResult:
         inputs: what was read and asked for, so that the run can be made again.
         turn_back: where the way out ended, if that is known.
         returning: what was told at each step of the way back.
+        failed: why, by name of an estimator that failed. Where it is the smoother, ``smoothed`` holds the EKF's walk.
     """
 
     log: SensorLog
@@ -53,6 +55,12 @@ class WalkResult:
     inputs: RunInputs = field(default_factory=RunInputs)
     turn_back: TurnBack | None = None
     returning: tuple[ReturnUpdate, ...] = ()
+    failed: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def best(self) -> str:
+        """Name of the estimator to believe."""
+        return "ekf" if "smoothed" in self.failed else "smoothed"
 
     @property
     def aids(self) -> Aids:

@@ -55,7 +55,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "steps": len(track) - 1,
         "walk_s": float(track.t_s[-1] - track.t_s[0]),
         "distance_m": float(final.distance_m[-1]),
-        "turns": estimators["smoothed"]["turns"],
+        "turns": estimators[result.best]["turns"],
         "altitude_range_m": [float(final.z_m.min()), float(final.z_m.max())],
         "end_2sigma_m": None if sigma_m is None else 2.0 * float(sigma_m[-1]),
         "gyro_bias_deg_s": float(np.degrees(final.gyro_bias_rad_s[-1])),
@@ -65,11 +65,12 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "return": return_entry(result),
         "truth": None if result.told.truth is None else result.told.truth.source,
         "estimators": estimators,
+        "failed": dict(result.failed),
         "solver": {
             "iterations": smoothed.iterations,
-            "error_initial": float(smoothed.errors[0]),
-            "error_final": float(smoothed.errors[-1]),
-            "errors": [float(f"{error:.6g}") for error in smoothed.errors],
+            "error_initial": _finite(smoothed.errors[0]),
+            "error_final": _finite(smoothed.errors[-1]),
+            "errors": [float(f"{error:.6g}") for error in smoothed.errors if np.isfinite(error)],
             "factors": smoothed.factors,
         },
         "seconds": {name: round(value, 3) for name, value in result.seconds.items()},
@@ -79,6 +80,11 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "findings": [asdict(finding) for finding in walk_findings(result)],
         "warnings": warnings(result),
     }
+
+
+def _finite(value: float) -> float | None:
+    """JSON knows no nan."""
+    return float(value) if np.isfinite(value) else None
 
 
 def return_entry(result: WalkResult) -> dict[str, Any] | None:
@@ -100,7 +106,8 @@ def return_entry(result: WalkResult) -> dict[str, Any] | None:
 def warnings(result: WalkResult) -> list[str]:
     """What the user should know before believing the result."""
     log, track = result.log, result.track
-    found = list(log.notices)
+    found = [f"the {name} trajectory is missing, its estimator failed: {why}" for name, why in result.failed.items()]
+    found += log.notices
     compass = bool(np.isfinite(track.yaw_mag_rad).any())
     if result.told.truth is not None and len(result.told.truth) < 2:
         found.append("not scored: the truth has one checkpoint, and the walk is moved to agree with the first")
@@ -126,11 +133,17 @@ def summary_markdown(summary: dict[str, Any]) -> str:
     """The summary for people, inside the recording."""
     low, high = (round(value, 1) + 0.0 for value in summary["altitude_range_m"])  # no -0.0
     turns = f"{summary['turns']} turn{'' if summary['turns'] == 1 else 's'}"
-    smoothed = summary["estimators"]["smoothed"]
+    best = "ekf" if "smoothed" in summary["failed"] else "smoothed"
+    smoothed = summary["estimators"][best]
     lines = [
         f"# {summary['log']['name']}",
         f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, "
         f"{summary['distance_m']:.0f} m as smoothed, {turns}, altitude {low:+.1f} to {high:+.1f} m.",
+        *(
+            [f"\n**The smoother failed: what is drawn as smoothed is the EKF's walk.** {summary['failed']['smoothed']}"]
+            if best == "ekf"
+            else []
+        ),
         "",
         f"{_ends_text(smoothed['end_m'], summary)}.",
     ]

@@ -18,7 +18,7 @@ import numpy as np
 from fbgraph.core.config import Config
 from fbgraph.core.errors import ConfigError, DataError, FbgraphError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.whole_writes import whole_folder
+from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
 from fbgraph.estimators.baselines import baselines
 from fbgraph.estimators.online import OnlineSmoother
 from fbgraph.estimators.smoother import smooth
@@ -291,8 +291,11 @@ def study_folder(out: Path) -> Iterator[Path]:
     Raises:
         ConfigError: ``out`` holds anything but an earlier study, or its parent cannot be written.
     """
-    names = {entry.name for entry in out.iterdir()} if out.is_dir() else set()
-    if out.exists() and (not out.is_dir() or names - _FILES or (names and "report.html" not in names)):
-        raise ConfigError(f"--out {out}: exists and is not a study folder; name another, or remove it")
-    with whole_folder(out) as folder:
+
+    def check(place: Path) -> None:
+        names = {e.name for e in place.iterdir() if not is_leftover(e.name)} if place.is_dir() else set()
+        if place.exists() and (not place.is_dir() or names - _FILES or (names and "report.html" not in names)):
+            raise ConfigError(f"--out {out}: exists and is not a study folder; name another, or remove it")
+
+    with locked(out) as place, whole_folder(place, check=check) as folder:
         yield folder
