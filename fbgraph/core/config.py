@@ -19,14 +19,20 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from fbgraph.core.errors import ConfigError
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
+# bounds keep out what no walk needs and no computer could do; within them anything may be tried
+Positive = Annotated[float, Field(gt=0, le=1e4)]
+NonNegative = Annotated[float, Field(ge=0, le=1e4)]
+Coefficient = Annotated[float, Field(ge=-100.0, le=100.0)]
+Seconds = Annotated[float, Field(gt=0, le=3600.0)]
+Metres = Annotated[float, Field(gt=0, le=10.0)]
+"""Of a step."""
+Sigma = Annotated[float, Field(ge=1e-6, le=1e4)]
 
 
 class Section(BaseModel):
     """A table of the configuration: frozen, and a mistyped key is an error."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True, allow_inf_nan=False)
 
 
 SectionT = TypeVar("SectionT", bound=Section)
@@ -39,51 +45,58 @@ class DeviceConfig(Section):
 
     mount: tuple[float, float, float] = (0.0, 0.70710678, -0.70710678)
     """Body direction whose horizontal projection points where the person walks (top edge and back of the device)."""
-    declination_deg: float = 0.0
+    declination_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 0.0
     """Magnetic declination, positive East; added to the compass so that y is true North."""
+
+    @field_validator("mount")
+    @classmethod
+    def _points_somewhere(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if not 1e-3 < math.hypot(*value) < 1e3:
+            raise ValueError("expected a direction: three numbers, not all of them zero")
+        return value
 
 
 class AttitudeConfig(Section):
     """Levelling, compass and altitude."""
 
-    rate_hz: Positive = 100.0
+    rate_hz: Annotated[float, Field(ge=10.0, le=1000.0)] = 100.0
     """Common rate to which the inertial streams are brought."""
-    max_gap_s: Positive = 0.5
+    max_gap_s: Seconds = 0.5
     """A longer silence of accelerometer or gyroscope is a gap: nothing is integrated across it."""
-    level_tau_s: Positive = 3.0
+    level_tau_s: Seconds = 3.0
     """Time constant of the accelerometer correction in vqf."""
-    still_window_s: Positive = 1.5
+    still_window_s: Seconds = 1.5
     """Length of the window over which stillness is judged."""
     still_acc_m_s2: Positive = 0.35
     """Largest standard deviation of |acc| while standing still."""
     still_gyro_rad_s: Positive = 0.12
     """Largest standard deviation of the angular rate while standing still (a hand trembles)."""
-    altitude_tau_s: Positive = 1.0
+    altitude_tau_s: Seconds = 1.0
     """Time constant of the altitude low-pass."""
 
 
 class StepsConfig(Section):
     """Step detection (paper, section Step Detection Algorithm)."""
 
-    smoothing_s: Positive = 0.15
+    smoothing_s: Seconds = 0.15
     """Moving average of |acc|, N samples of the paper."""
-    window_s: Positive = 4.0
+    window_s: Seconds = 4.0
     """Sliding window of the mean and deviation in T_s = mean + lambda * sigma."""
     lambda_sigma: NonNegative = 0.2
     """λ of the paper."""
-    min_interval_s: Positive = 0.33
+    min_interval_s: Seconds = 0.33
     """Refractory interval T_min."""
-    max_interval_s: Positive = 1.2
+    max_interval_s: Seconds = 1.2
     """A longer interval between peaks is a pause, not a step."""
     min_rise_m_s2: Positive = 0.8
     """A maximum must stand this far above the valley before it."""
-    min_run: Annotated[int, Field(ge=2)] = 4
+    min_run: Annotated[int, Field(ge=2, le=1000)] = 4
     """Steps come in runs of at least this many."""
     max_tilt_rate_rad_s: Positive = 3.0
     """A device that tilts faster than this on average over a step is being shaken, not carried."""
     max_wobble_rad: Positive = 1.3
     """A device whose yaw goes back and forth by more than this within two seconds is being shaken, not carried."""
-    spin_window_s: Positive = 3.0
+    spin_window_s: Seconds = 3.0
     max_spin_rad: Positive = 4.2
     """Who turns further than this within spin_window_s turns on the spot."""
 
@@ -95,49 +108,49 @@ class StepLengthConfig(Section):
     It is 0 for devices whose bounce is unknown. Defaults are fitted to hand-held phones.
     """
 
-    constant_m: Positive = 0.64
+    constant_m: Metres = 0.64
     """L0 of the baseline PDR."""
-    alpha_m: float = 0.615
-    beta_m_s: float = -0.315
+    alpha_m: Coefficient = 0.615
+    beta_m_s: Coefficient = -0.315
     """Metres per hertz of step frequency. Negative beside a bounce: the same bounce, only faster, is less rise."""
-    gamma_m: float = -1.75
+    gamma_m: Coefficient = -1.75
     """Metres per unit slope; slope = |climb rate| / flat walking speed, so stairs shorten the step."""
-    kappa: float = 0.366
+    kappa: Coefficient = 0.366
     """Metres per fourth root of the peak-to-peak vertical acceleration in m/s²."""
     min_climb_m_s: NonNegative = 0.2
     """A slower change of altitude is taken for air pressure, not for slope."""
-    shortest_m: Positive = 0.15
+    shortest_m: Metres = 0.15
     """No step is shorter, whatever the slope."""
 
 
 class EkfConfig(Section):
     """The paper's heading filter, state [yaw, gyro bias]."""
 
-    sigma_yaw_step_rad: Positive = 0.03
+    sigma_yaw_step_rad: Sigma = 0.03
     """Process noise of yaw per step (body sway, gyroscope noise)."""
-    sigma_bias_walk_rad_s: Positive = 1e-4
+    sigma_bias_walk_rad_s: Sigma = 1e-4
     """Process noise of the bias per root second."""
-    sigma_bias_rad_s: Positive = 0.02
+    sigma_bias_rad_s: Sigma = 0.02
     """Initial standard deviation of the bias before any rest."""
-    sigma_mag_rad: Positive = 0.35
+    sigma_mag_rad: Sigma = 0.35
     """Compass noise in an undisturbed field, one step."""
-    norm_scale_ut: Positive = 6.0
-    dip_scale_rad: Positive = 0.15
+    norm_scale_ut: Sigma = 6.0
+    dip_scale_rad: Sigma = 0.15
     """Deviation of strength and dip from their recent usual that doubles the compass variance."""
-    gate_sigma: Positive = 2.0
+    gate_sigma: Sigma = 2.0
     """An innovation beyond this many deviations is down-weighted by its square."""
-    altitude_tau_s: Positive = 3.0
+    altitude_tau_s: Seconds = 3.0
     """Time constant of the altitude filter."""
 
 
 class GraphConfig(Section):
     """Weights of the factors."""
 
-    sigma_length_rel: Positive = 0.08
+    sigma_length_rel: Sigma = 0.08
     """Step length, relative, one step to the next."""
     sigma_slope_rel: NonNegative = 0.5
     """Error of what the slope term adds to a step, relative."""
-    sigma_lateral_m: Positive = 0.05
+    sigma_lateral_m: Sigma = 0.05
     """Sideways error of a step."""
     sigma_length_scale: NonNegative = 0.06
     """Length error common to all steps of a walk: a wearer walks longer or shorter than the model's."""
@@ -145,52 +158,52 @@ class GraphConfig(Section):
     """With anchors or a closed end the common length error is spread over steps, as if it changed after so many."""
     sigma_mount_rad: NonNegative = 0.07
     """Heading error common to the whole walk: how the device is held, and the compass itself."""
-    sigma_yaw_step_rad: Positive = 0.02
+    sigma_yaw_step_rad: Sigma = 0.02
     """Yaw change of a step by the gyroscope."""
-    sigma_bias_rad_s: Positive = 0.008
+    sigma_bias_rad_s: Sigma = 0.008
     """Gyroscope bias before any rest."""
-    sigma_bias_walk_rad_s: Positive = 1e-4
+    sigma_bias_walk_rad_s: Sigma = 1e-4
     """Bias random walk per root second."""
-    sigma_mag_rad: Positive = 0.26
+    sigma_mag_rad: Sigma = 0.26
     """Compass against true heading, where iron is near."""
     mag_correlation_m: Positive = 6.0
     """Distance walked over which a compass error stays the same."""
-    mag_huber: Positive = 1.0
+    mag_huber: Sigma = 1.0
     """Compass residuals beyond this many sigma_mag_rad count linearly (Huber)."""
-    norm_scale_ut: Positive = 20.0
-    dip_scale_rad: Positive = 0.5
+    norm_scale_ut: Sigma = 20.0
+    dip_scale_rad: Sigma = 0.5
     """Deviation of strength and dip from their usual that doubles the compass variance."""
-    sigma_gap_m_s: Positive = 1.5
+    sigma_gap_m_s: Sigma = 1.5
     """Where the log is silent the wearer may have walked at this speed, in any direction."""
-    sigma_gap_yaw_rad_s: Positive = 1.0
+    sigma_gap_yaw_rad_s: Sigma = 1.0
     """And turned at this rate, up to facing anywhere."""
-    sigma_altitude_m: Positive = 0.35
+    sigma_altitude_m: Sigma = 0.35
     """Barometric altitude of one step."""
-    sigma_climb_m: Positive = 0.12
+    sigma_climb_m: Sigma = 0.12
     """Change of altitude in one step."""
-    sigma_anchor_m: Positive = 0.5
+    sigma_anchor_m: Sigma = 0.5
     """Anchors that give no sigma of their own."""
-    sigma_closure_m: Positive = 1.0
+    sigma_closure_m: Sigma = 1.0
     """How close to its start a closed walk ends."""
 
 
 class SolverConfig(Section):
     """Levenberg-Marquardt."""
 
-    max_iterations: Annotated[int, Field(ge=1)] = 100
+    max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 100
     relative_error: Positive = 1e-12
 
 
 class OnlineConfig(Section):
     """iSAM2."""
 
-    window_steps: Annotated[int, Field(ge=10)] = 150
+    window_steps: Annotated[int, Field(ge=10, le=10_000_000)] = 150
     """Breadcrumbs that later steps may still move; the tree holds up to twice as many."""
     relinearize_yaw_rad: Positive = 0.05
     """A breadcrumb whose yaw has moved further is linearised anew."""
-    relinearize_skip: Annotated[int, Field(ge=1)] = 5
+    relinearize_skip: Annotated[int, Field(ge=1, le=1_000_000)] = 5
     """Look for such breadcrumbs every so many steps."""
-    wildfire: Positive = 0.02
+    wildfire: Sigma = 0.02
     """Changes below this (rad, m) are not passed on to older breadcrumbs until somebody asks for them."""
 
 
@@ -209,17 +222,17 @@ class ReturnConfig(Section):
     """Who is further from the route than this, beyond doubt, is off it."""
     drift_m: Positive = 0.12
     """Dead reckoning on the way back drifts by this after one metre, growing with the square root of the distance."""
-    sigma_pull_m: Positive = 2.5
+    sigma_pull_m: Sigma = 2.5
     """How little a step on the route says about the drift; larger believes dead reckoning more."""
-    sigma_place_m: Positive = 3.0
+    sigma_place_m: Sigma = 3.0
     """Place against the route."""
-    sigma_turn_rad: Positive = 0.35
+    sigma_turn_rad: Sigma = 0.35
     """Direction of a step against that of the route."""
-    sigma_mag_ut: Positive = 2.5
+    sigma_mag_ut: Sigma = 2.5
     """Magnetic field against that of the way out at the same place."""
-    sigma_altitude_m: Positive = 0.7
+    sigma_altitude_m: Sigma = 0.7
     """Altitude against that of the way out."""
-    sigma_step_rel: Positive = 0.15
+    sigma_step_rel: Sigma = 0.15
     """Length of a step against the same stretch on the way out."""
     arrived_m: Positive = 3.5
     """Who has no more than this left, some five steps, has arrived."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import gtsam
@@ -51,34 +52,57 @@ def smooth(
     """
     aids = aids or Aids()
     graph, values = build_graph(track, seed, graph_config, aids, closures)
+    # what hangs on a gap alone, or on sigmas far apart, is more than Cholesky can tell from nothing
+    failure: RuntimeError | None = None
+    for by_qr in (False, True) if track.chained.all() else (True,):
+        try:
+            solved = _on_deep_stack(partial(_solve, graph, values, solver_config, by_qr), len(track))
+            trajectory = _trajectory_of(track, solved.values, solved.marginals, graph_config, aids.direction_known)
+            break
+        except RuntimeError as error:
+            failure = error
+    else:
+        raise EstimationError(f"the smoother failed: {_said(failure)}") from failure
+    if not np.isfinite(solved.errors[-1]):
+        raise EstimationError("the smoother diverged: its error is not finite")
+    return Smoothed(
+        trajectory=trajectory,
+        errors=solved.errors,
+        factors=graph.size(),
+        residuals=factor_residuals(graph, solved.values),
+        closures=tuple(closures),
+    )
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """What the solver returned; ``errors`` (I+1,) before the first of I iterations and after each."""
+
+    values: gtsam.Values
+    marginals: gtsam.Marginals | gtsam.ISAM2
+    errors: FloatArray
+
+
+def _solve(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, config: SolverConfig, by_qr: bool) -> _Solved:
+    """Levenberg-Marquardt and marginals; RuntimeError if GTSAM finds the system indeterminate."""
     params = gtsam.LevenbergMarquardtParams()
-    if not track.chained.all():  # what hangs on a gap alone is more than Cholesky can tell from nothing
+    if by_qr:
         params.setLinearSolverType("MULTIFRONTAL_QR")
-    params.setMaxIterations(solver_config.max_iterations)
-    params.setRelativeErrorTol(solver_config.relative_error)
+    params.setMaxIterations(config.max_iterations)
+    params.setRelativeErrorTol(config.relative_error)
     params.setAbsoluteErrorTol(1e-12)
     errors: list[float] = []
     params.iterationHook = lambda iteration, before, after: errors.append(float(after))
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
-    error_initial = optimizer.error()
+    errors.append(optimizer.error())
+    result = optimizer.optimize()
+    marginals = _qr_marginals(graph, result) if by_qr else gtsam.Marginals(graph, result)
+    return _Solved(result, marginals, np.array(errors))
 
-    def solve() -> tuple[gtsam.Values, gtsam.Marginals | gtsam.ISAM2]:
-        result = optimizer.optimize()
-        return result, gtsam.Marginals(graph, result) if track.chained.all() else _qr_marginals(graph, result)
 
-    try:
-        result, marginals = _on_deep_stack(solve, len(track))
-    except RuntimeError as error:
-        raise EstimationError(f"the smoother failed: {str(error).strip().splitlines()[0]}") from error
-    if not np.isfinite(optimizer.error()):
-        raise EstimationError("the smoother diverged: its error is not finite")
-    return Smoothed(
-        trajectory=_trajectory_of(track, result, marginals, graph_config, aids.direction_known),
-        errors=np.array([error_initial, *errors]),
-        factors=graph.size(),
-        residuals=factor_residuals(graph, result),
-        closures=tuple(closures),
-    )
+def _said(error: RuntimeError | None) -> str:
+    """What GTSAM says, on one line: the variable it stumbled over stands on the second."""
+    return " ".join(str(error).split(".")[0].split())
 
 
 def _qr_marginals(graph: gtsam.NonlinearFactorGraph, result: gtsam.Values) -> gtsam.ISAM2:

@@ -173,8 +173,11 @@ class Columns:
         done = 0
         for at in range(0, len(lines), _BLOCK):
             block = lines[at : at + _BLOCK]
-            parse = self._parse_many if len(block) > 100 else self._parse_few
-            good, t_block, numbers_block, texts = parse(block)
+            try:
+                parse = self._parse_many if len(block) > 100 else self._parse_few
+                good, t_block, numbers_block, texts = parse(block)
+            except OverflowError:  # pandas meets a number of hundreds of digits
+                good, t_block, numbers_block, texts = self._parse_few(block)
             t.append(t_block if "time" in self.where else first_row + whole[at + good])
             numbers.append(numbers_block)
             events += [(done + i, text.strip()) for i, text in texts if text.strip()]
