@@ -68,7 +68,7 @@ class HeadingEkf:
                 p_yaw, p_cross = math.inf, 0.0
         if math.isfinite(step.yaw_mag_rad):
             if not math.isfinite(p_yaw):
-                yaw, p_yaw = step.yaw_mag_rad, config.sigma_mag_rad**2
+                yaw, p_yaw, p_cross = step.yaw_mag_rad, config.sigma_mag_rad**2, 0.0
             else:
                 innovation = wrap_scalar(step.yaw_mag_rad - yaw)
                 variance = self._compass_variance(step, innovation, p_yaw)

@@ -31,11 +31,7 @@ class StepGauge:
         """Take the next signals, before the peaks found in them."""
         self._rests.push(signals)
         known = signals if self._signals is None else LevelledSignals.concatenate([self._signals, signals])
-        self._signals = (
-            known
-            if len(signals) > int(LOOK_BACK_S * self._rate_hz)
-            else known.tail(int(LOOK_BACK_S * self._rate_hz) + len(signals))
-        )
+        self._signals = known.tail(int(LOOK_BACK_S * self._rate_hz) + len(signals))
 
     def measure(self, run: list[Peak]) -> list[Step]:
         """The steps of a run, the standing start before the very first of all."""
@@ -72,7 +68,7 @@ class StepGauge:
         since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
         chained = bool(signals.index[hi - 1] - signals.index[since] == hi - 1 - since)
         if self._last_end is not None and signals.index[0] > self._last_end:
-            chained = self._rests.unbroken_since(self._last_end)
+            chained = self._rests.unbroken_between(self._last_end, peak.index)
         return Step(
             t_s=peak.index / self._rate_hz,
             start_s=peak.start_index / self._rate_hz,
@@ -104,6 +100,8 @@ class StepGauge:
     def _slope(self, signals: LevelledSignals, end: int, frequency_hz: float, bounce_m_s2: float) -> float:
         """|climb rate| over flat walking speed; 0 within what air pressure does by itself."""
         start = max(end - int(_ALTITUDE_WINDOW_S * self._rate_hz), 0)
+        holes = np.flatnonzero(np.diff(signals.index[start:end]) > 1)
+        start += int(holes[-1]) + 1 if len(holes) else 0  # what was climbed while the log was silent is no slope
         altitude = signals.altitude_m[start:end]
         third = max(len(altitude) // 3, 1)
         rise_m = altitude[-third:].mean() - altitude[:third].mean()

@@ -32,7 +32,7 @@ class Rests:
         self._t_s = self._yaw_gyro = self._yaw_mag = np.empty(0)
         self._done: list[tuple[int, float, float, float]] = []  # end index, rate, sigma, duration
         self._last_index: int | None = None
-        self._last_break = -1
+        self._breaks: list[int] = []  # the last grid index before every gap of the log
 
     def push(self, signals: LevelledSignals) -> None:
         """Take the next signals."""
@@ -41,8 +41,7 @@ class Rests:
         index = signals.index if self._last_index is None else np.concatenate(([self._last_index], signals.index))
         new = len(index) - len(signals)
         holes = np.flatnonzero(index[1:] - index[:-1] > 1)
-        if len(holes):
-            self._last_break = int(index[holes[-1]])
+        self._breaks += index[holes].tolist()
         self._last_index = int(signals.index[-1])
         after_holes = set(
             (holes + 1 - new).tolist()
@@ -94,9 +93,9 @@ class Rests:
         total = float(weights.sum())
         return float((weights * rates).sum() / total), total**-0.5, sum(rest[3] for rest in ended)
 
-    def unbroken_since(self, index: int) -> bool:
-        """Whether the log has had no gap since a grid index."""
-        return self._last_break < index
+    def unbroken_between(self, first: int, last: int) -> bool:
+        """Whether the log has no gap between two grid indices."""
+        return not any(first <= before < last for before in self._breaks)
 
 
 def _slope_of(t_s: FloatArray, angle_rad: FloatArray, systematic_rad: float) -> tuple[float, float]:
