@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -46,8 +45,11 @@ def cut_log(
     """A log cut into pieces, each with its end, delivered ``speed`` times as fast as recorded (infinity: at once)."""
     began = time.monotonic()
     end_s = max(log.acc.t_s[-1], log.gyro.t_s[-1])
-    edges = [-np.inf, *np.arange(chunk_s, end_s, chunk_s).tolist(), np.inf]
-    for start_s, until_s in itertools.pairwise(edges):
+    inner = np.arange(chunk_s, end_s, chunk_s)
+    times = [log.acc.t_s, log.gyro.t_s, log.mag.t_s, log.pressure.t_s, np.array([event.t_s for event in log.events])]
+    filled = np.unique(np.searchsorted(inner, np.concatenate(times), side="right"))  # hours may hold nothing
+    edges = np.concatenate(([-np.inf], inner, [np.inf]))
+    for start_s, until_s in zip(edges[filled].tolist(), edges[filled + 1].tolist(), strict=True):
         due = began + min(until_s, end_s) / speed
         while time.monotonic() < due and not stop():
             time.sleep(min(max(due - time.monotonic(), 0.0), 0.2))
