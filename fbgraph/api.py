@@ -27,7 +27,7 @@ from fbgraph.readers.live_lines import LiveReader
 from fbgraph.run.findings import Finding
 from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.reading import read_summary, read_trajectory
+from fbgraph.run.reading import read_run
 from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize
 from fbgraph.session import WalkInProgress
@@ -61,7 +61,8 @@ class Walk:
     @property
     def findings(self) -> list[Finding]:
         """What deserves a look, in order of time."""
-        return [Finding(**entry) for entry in self.summary.get("findings", [])]
+        entries = self.summary.get("findings", [])
+        return [Finding(one["kind"], one["start_s"], one["end_s"], one["text"]) for one in entries]
 
     @property
     def scores(self) -> dict[str, dict[str, Any]]:
@@ -165,11 +166,10 @@ def load_run(folder: str | Path) -> Walk:
     Raises:
         DataError: not a run folder, or a damaged one.
     """
-    run = Path(folder)
-    summary = read_summary(run)
-    t0_s = float(summary["log"]["t0_s"])
-    read = {name: read_trajectory(run, name) for name in summary["estimators"]}
-    return Walk({name: trajectory.since(t0_s) for name, trajectory in read.items()}, summary, folder=run)
+    saved = read_run(Path(folder))
+    t0_s = float(saved.summary["log"]["t0_s"])
+    trajectories = {name: trajectory.since(t0_s) for name, trajectory in saved.trajectories.items()}
+    return Walk(trajectories, saved.summary, folder=saved.folder)
 
 
 def log_from_dataframe(frame: pd.DataFrame, name: str = "dataframe") -> SensorLog:

@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.core.config import load_config
 from fbgraph.core.errors import DataError
-from fbgraph.core.trajectory import read_tum
 from fbgraph.core.whole_writes import whole_file
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import read_log
 from fbgraph.readers.raw_lines import saved_log
 from fbgraph.run.folder import RAW
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.reading import read_summary
+from fbgraph.run.reading import SavedRun, read_run
 from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize, summary_markdown
 from fbgraph.session import replay_log
@@ -35,8 +33,9 @@ def repeat_run(run: Path, log_path: Path | None = None) -> WalkResult:
     Raises:
         DataError: not a run folder, the log is gone, or what comes out is another walk than the folder's.
     """
-    inputs = RunInputs.from_summary(read_summary(run), run)
-    config, told = load_config(str(run / "config.toml")), inputs.read_told()
+    saved = read_run(run)
+    inputs = RunInputs.from_summary(saved.summary, run)
+    config, told = saved.read_config(), inputs.read_told()
     chunk_s = inputs.online_chunk_s
     if inputs.log == RAW:
         log, chunk_s = saved_log(run / RAW), chunk_s or _LIVE_CHUNK_S
@@ -53,7 +52,7 @@ def repeat_run(run: Path, log_path: Path | None = None) -> WalkResult:
         result = reconstruct(log, config, told, inputs)
     else:
         result = replace(replay_log(log, config, told, chunk_s=chunk_s), inputs=inputs)
-    _require_same(run, result)
+    _require_same(saved, result)
     return result
 
 
@@ -78,12 +77,17 @@ def record_run(run: Path, out: Path | None = None, log_path: Path | None = None)
     return path
 
 
-def _require_same(run: Path, result: WalkResult) -> None:
-    """Whether the folder's smoothed walk came out again."""
-    smoothed, saved = result.smoothed.trajectory, read_tum(run / "smoothed.tum")
-    same = len(smoothed) == len(saved) and np.abs(smoothed.xy_m - saved.xy_m).max() < _SAME_M
-    if not same:
+def _require_same(saved: SavedRun, result: WalkResult) -> None:
+    """Whether the walk that the folder's reader would believe came out again."""
+    best = "smoothed" if "smoothed" in saved.trajectories else "ekf"
+    before, again = saved.trajectories.get(best), result.trajectories.get(best)
+    if (
+        before is None
+        or again is None
+        or len(before) != len(again)
+        or np.abs(again.xy_m - before.xy_m).max() >= _SAME_M
+    ):
         raise DataError(
-            f"{run}: smoothing its log again gives another walk than smoothed.tum: the log, the files it was told of, "
-            "or fbgraph itself has changed since; smooth the log again"
+            f"{saved.folder}: smoothing its log again gives another walk than {best}.tum: the log, the files it was "
+            "told of, or fbgraph itself has changed since; smooth the log again"
         )

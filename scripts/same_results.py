@@ -22,7 +22,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parents[1]
 COMMANDS = ("", "smooth", "online", "view", "record", "evaluate", "guide", "simulate", "formats", "study", "config")
-_TIMINGS = ("seconds", "fit_seconds", "took_s", "began", "written")
+_TIMINGS = ("seconds", "fit_seconds", "took_s", "began", "written", "sha256")
 
 
 def fbgraph(checkout: Path, *arguments: object) -> str:

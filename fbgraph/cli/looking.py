@@ -43,7 +43,7 @@ def view(
         if len(runs) > 1:
             shown = Path(folder) / "comparison.rrd"
             compare(runs, shown)
-        elif save is not None:
+        else:
             require_walk(shown)
         if save is not None:
             with whole_file(save) as partial:
@@ -79,13 +79,14 @@ def evaluate(
 ) -> None:
     """Score a run folder against known places."""
     from fbgraph.core.checkpoints import read_checkpoints
-    from fbgraph.run.reading import read_summary, score_run
+    from fbgraph.run.reading import read_run, score_run
 
-    scores = score_run(run, read_checkpoints(truth))
+    saved = read_run(run)
+    scores = score_run(saved, read_checkpoints(truth))
     if as_json:
         print(json.dumps(scores, indent=2))
     else:
-        print_scores(read_summary(run)["log"]["name"], scores)
+        print_scores(str(saved.summary["log"]["name"]), scores)
 
 
 @app.command()
@@ -110,15 +111,16 @@ def guide(
     from fbgraph.core.georeference import parse_origin
     from fbgraph.core.whole_writes import whole_file
     from fbgraph.run.folder import require_free
-    from fbgraph.run.reading import read_directions, read_georeference, read_summary
+    from fbgraph.run.reading import read_directions, read_georeference, read_run
     from fbgraph.way_back.maps import format_directions
 
     if units not in ("metric", "steps"):
         raise ConfigError(f"unknown units {units!r}: expected metric or steps")
     given = None if origin is None else parse_origin(origin)
-    there = read_directions(run, estimator, pace_m)
+    saved = read_run(run)
+    there = read_directions(saved, estimator, pace_m)
     if given is None:
-        where = read_georeference(read_summary(run), str(run))
+        where = read_georeference(saved.summary)
     else:
         x_m, y_m, _ = there.points_m[0]
         where = given.moved(-x_m, -y_m)

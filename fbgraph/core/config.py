@@ -350,7 +350,7 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
     """
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits and endless brackets among them
         raise ConfigError(f"{source}: not TOML: {error}") from error
 
 

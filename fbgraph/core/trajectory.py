@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
+from fbgraph.core.tables import read_numbers
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_QUATERNION = 1e-5  # files have six digits at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,17 +146,17 @@ def write_tum(path: Path, trajectory: Trajectory, t0_s: float) -> None:
 
 
 def read_tum(path: Path, t0_s: float = 0.0) -> Trajectory:
-    """Read a TUM file written by ``write_tum`` (yaw about z; other tools' files too, if planar).
+    """Read a TUM file written by ``write_tum`` (other tools' files too, if they turn about z only).
 
     Raises:
-        DataError: not a TUM file, or no rows.
+        DataError: not a TUM file, no rows, a number that is not finite, times that do not increase, or a quaternion
+            that is no turn about z.
     """
-    try:
-        table = np.loadtxt(path, comments="#", ndmin=2)
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not a readable TUM file: {str(error).splitlines()[0]}") from error
-    if table.shape[0] == 0 or table.shape[1] != 8:
-        raise DataError(f"{path}: a TUM file has rows of 8 numbers (t x y z qx qy qz qw), found {table.shape}")
-    t_s, x_m, y_m, z_m, _, _, qz, qw = table.T
+    table = read_numbers(path, "a TUM file", "t x y z qx qy qz qw")
+    table.refuse_infinite()
+    t_s, x_m, y_m, z_m, qx, qy, qz, qw = table.values.T
+    table.refuse_unordered(t_s)
+    planar = (np.abs(np.hypot(qz, qw) - 1.0) < _QUATERNION) & (np.hypot(qx, qy) < _QUATERNION)
+    table.refuse(~planar, "its quaternion is not of length 1 about z")
     yaw_rad = np.unwrap(2.0 * np.arctan2(qz, qw))
     return Trajectory(t_s - t0_s, x_m, y_m, z_m, yaw_rad, np.zeros(len(t_s)))

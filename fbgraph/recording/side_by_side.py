@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -81,7 +83,19 @@ def require_walk(path: Path) -> None:
     _chunks(path)
 
 
+def _require_sound(path: Path) -> None:
+    """Refuse a damaged recording; found out by a process of its own, for Rerun's reader ends the one it runs in.
+
+    Raises:
+        DataError: it is damaged.
+    """
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(path.resolve())]
+    if subprocess.run(command, capture_output=True).returncode:
+        raise DataError(f"{path}: a damaged recording, or none; `fbgraph record RUN` writes a run's again")
+
+
 def _chunks(path: Path) -> list[Chunk]:
+    _require_sound(path)
     try:
         chunks = list(RrdReader(path).stream().to_chunks())
     except (RuntimeError, ValueError, OSError) as error:

@@ -16,6 +16,7 @@ from fbgraph.core.config import Config, dump_toml
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.trajectory import Trajectory, write_tum
 from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
+from fbgraph.run.digests import DIGESTS, SUMMARY, noted_digests
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.result import WalkResult
 from fbgraph.way_back.records import ReturnUpdate
@@ -148,7 +149,7 @@ def require_free(path: Path, option: str) -> None:
 
 
 def write_tables(result: WalkResult, folder: Path, summary: dict[str, Any]) -> None:
-    """Trajectories, breadcrumbs, summary (of ``summarize``) and configuration into an existing folder."""
+    """Trajectories, breadcrumbs, summary (of ``summarize``) with digests of all, configuration; into a folder."""
     for name, trajectory in result.trajectories.items():
         write_tum(folder / f"{name}.tum", trajectory, result.log.t0_s)
     if "smoothed" not in result.failed:
@@ -156,7 +157,8 @@ def write_tables(result: WalkResult, folder: Path, summary: dict[str, Any]) -> N
     if result.returning:
         write_returns(folder / RETURNS, result.returning, result.log.t0_s)
     (folder / "config.toml").write_text(dump_toml(result.config), "utf-8")
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
+    summary = {**summary, DIGESTS: noted_digests(folder, summary)}
+    (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
 
 
 def write_breadcrumbs(path: Path, trajectory: Trajectory, t0_s: float) -> None:

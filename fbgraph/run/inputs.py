@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -57,21 +57,20 @@ class RunInputs:
 
     @staticmethod
     def from_summary(summary: Mapping[str, Any], run: Path) -> RunInputs:
-        """What a run's summary notes.
+        """What a run's summary, which is checked, notes; what a newer fbgraph noted beside it is left out.
 
         Raises:
-            DataError: nothing, or nothing that can be used.
+            DataError: nothing.
         """
         noted = summary.get("inputs") or {}
         if not noted.get("log"):
             raise DataError(
-                f"{run}: its log was not a file, or an earlier fbgraph did not note it; smooth the log again"
+                f"{run}: by its summary.json its log was no file, or an earlier fbgraph did not note it; "
+                "smooth the log again"
             )
-        try:
-            origin = noted.get("origin")
-            return RunInputs(**{**noted, "origin": None if origin is None else (float(origin[0]), float(origin[1]))})
-        except (TypeError, ValueError, IndexError) as error:
-            raise DataError(f"{run}: its summary's inputs are damaged; smooth the log again") from error
+        known = {field.name: noted[field.name] for field in fields(RunInputs) if field.name in noted}
+        origin = known.get("origin")
+        return RunInputs(**{**known, "origin": None if origin is None else (float(origin[0]), float(origin[1]))})
 
     def as_dict(self) -> dict[str, Any]:
         """For ``summary.json``; what concerns replays only of a replay."""

@@ -15,6 +15,7 @@ from fbgraph.core.trajectory import Trajectory
 from fbgraph.way_back.turns import MIN_TURN_RAD, Turn, find_turns
 
 Alignment = Literal["start", "rigid", "none"]
+_MOST_M = 1e8  # any frame on Earth lies within
 _TURN_STEPS, _TURN_RAD = 3.0, float(np.radians(30.0))  # how near a found turn must be to be the true one
 
 
@@ -60,6 +61,8 @@ def checkpoint_errors(
     """
     if len(truth) < 2:
         raise DataError(f"{truth.source}: scoring needs at least two checkpoints, found {len(truth)}")
+    if np.abs(truth.xy_m).max() > _MOST_M:
+        raise DataError(f"{truth.source}: a place {np.abs(truth.xy_m).max():.3g} m from the origin is none on Earth")
     t_s = truth.t_s - t0_s
     inside = (t_s >= trajectory.t_s[0]) & (t_s <= trajectory.t_s[-1])
     if not inside.any():

@@ -1,51 +1,139 @@
-"""A run folder read back: trajectories with what is known of their errors, events of its log, its way."""
+"""A run folder read back: trajectories with what is known of their errors, events of its log, its way.
+
+Everything is checked where it enters: each file by itself, then against what the others say. Whoever reads a run goes
+through ``read_run`` and can believe it.
+"""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fbgraph.core.checkpoints import Checkpoints
-from fbgraph.core.config import load_config
+from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.georeference import Georeference
+from fbgraph.core.tables import read_numbers, read_text
 from fbgraph.core.trajectory import Trajectory, read_tum
+from fbgraph.run.agreement import require_agreement, require_same_states
+from fbgraph.run.digests import DIGESTS, SUMMARY, require_as_written, require_summary_as_written
 from fbgraph.run.folder import BREADCRUMB_HEADER, RAW
+from fbgraph.run.noted import NotedRun, noted_run
 from fbgraph.run.result import ESTIMATORS
 from fbgraph.run.scores import score_entry, score_label
 from fbgraph.way_back.legs import Directions, directions_of
+
+_MOST_SIGMA = 1e6  # metres, radians: nobody is that lost
+_BREADCRUMBS = "breadcrumbs.csv"
+
+
+@dataclass(frozen=True)
+class SavedRun:
+    """A run folder whose files agree.
+
+    Attributes:
+        folder: where it is.
+        summary: what its ``summary.json`` holds, checked as far as anybody reads it.
+        trajectories: by estimator, ``t_s`` on the format's event clock; the smoother's with covariance.
+        digests: of its files, by name; empty if its fbgraph noted none.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+    trajectories: dict[str, Trajectory]
+    digests: dict[str, str]
+
+    def read_config(self) -> Config:
+        """The configuration that it was made with.
+
+        Raises:
+            DataError: it is damaged.
+        """
+        path = self.folder / "config.toml"
+        with _advised():
+            try:
+                config = load_config(str(path))
+            except ConfigError as error:
+                raise DataError(str(error).removeprefix("--config ")) from error
+            require_as_written(path, self.digests)
+        return config
+
+
+def read_run(run: Path) -> SavedRun:
+    """Read the summary and the trajectories of a run folder.
+
+    Raises:
+        DataError: not a run folder, or a damaged one: naming the file, and its line or field.
+    """
+    summary, noted = _read_summary(run)
+    with _advised():
+        trajectories: dict[str, Trajectory] = {name: read_tum(run / f"{name}.tum") for name in noted.estimators}
+        require_agreement(run, noted, trajectories)
+        if "smoothed" in trajectories:
+            path = run / _BREADCRUMBS
+            breadcrumbs = read_breadcrumbs(path)
+            require_same_states(path, breadcrumbs, trajectories["smoothed"], "smoothed.tum")
+            trajectories["smoothed"] = breadcrumbs
+            require_as_written(path, noted.sha256)
+        for name in noted.estimators:
+            require_as_written(run / f"{name}.tum", noted.sha256)
+    return SavedRun(run, summary, trajectories, noted.sha256)
+
+
+@contextmanager
+def _advised() -> Iterator[None]:
+    """Says what to do about a damaged run."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(f"{error}; smooth the log again") from error
 
 
 def read_breadcrumbs(path: Path) -> Trajectory:
     """Read what ``write_breadcrumbs`` wrote, ``t_s`` on the format's event clock.
 
-    Covariances between place and yaw are not in the file: NaN.
+    Covariances between place and yaw are not in the file: NaN. So are those that the estimator did not give.
 
     Raises:
-        DataError: no such file, or not breadcrumbs.
+        DataError: no such file, or not whole breadcrumbs.
     """
-    try:
-        with path.open(encoding="utf-8") as file:
-            if file.readline().strip() != BREADCRUMB_HEADER:
-                raise ValueError("its header is not that of breadcrumbs")
-            rows = file.readlines()
-        if not rows:
-            raise ValueError("a header and no row")
-        table = np.loadtxt(rows, delimiter=",", ndmin=2)
-        _, t_s, x_m, y_m, z_m, yaw_rad, bias, sigma_x, sigma_y, cov_xy, sigma_z, sigma_yaw = table.T
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not readable as breadcrumbs: {str(error).splitlines()[0]}") from error
+    table = read_numbers(path, "breadcrumbs", BREADCRUMB_HEADER, ",", BREADCRUMB_HEADER)
+    k, t_s, x_m, y_m, z_m, yaw_rad, bias, sigma_x, sigma_y, cov_xy, sigma_z, sigma_yaw = table.values.T
+    table.refuse_infinite(slice(7))
+    table.refuse(k != np.arange(len(k)), "its number k does not follow that of the line before")
+    table.refuse_unordered(t_s)
+    table.refuse(_no_sigmas(np.column_stack((sigma_x, sigma_y, sigma_yaw))), "its standard deviations cannot be")
+    table.refuse(_no_sigmas(sigma_z[:, None]), "its sigma_z_m cannot be")
+    rounding = 2e-6 * (1.0 + sigma_x + sigma_y)
+    table.refuse(
+        (np.abs(cov_xy) > sigma_x * sigma_y + rounding) | (np.isnan(cov_xy) != np.isnan(sigma_x)),
+        "its cov_xy_m2 cannot be",
+    )
+    if not read_text(path, "breadcrumbs").endswith("\n"):
+        raise DataError(f"{path}: line {table.line[-1]}: cut off in its middle")
     cov = np.full((len(t_s), 3, 3), np.nan)
     cov[:, 0, 0], cov[:, 1, 1], cov[:, 2, 2] = sigma_x**2, sigma_y**2, sigma_yaw**2
     cov[:, 0, 1] = cov[:, 1, 0] = cov_xy
     return Trajectory(t_s, x_m, y_m, z_m, yaw_rad, bias, cov_xy_yaw=cov, sigma_z_m=sigma_z)
 
 
-def read_trajectory(run: Path, estimator: str) -> Trajectory:
-    """An estimator's trajectory of a run folder, ``t_s`` on the format's event clock; the smoother's with covariance.
+def _no_sigmas(sigmas: FloatArray) -> BoolArray:
+    """Rows that hold no standard deviations, where nan in all rows alike says that none are known."""
+    if np.isnan(sigmas).all():
+        return np.zeros(len(sigmas), dtype=bool)
+    return np.asarray(~((sigmas >= 0.0) & (sigmas < _MOST_SIGMA)).all(axis=1))
+
+
+def trajectory_of(run: SavedRun, estimator: str) -> Trajectory:
+    """An estimator's trajectory of a run.
 
     Raises:
         ConfigError: no estimator of this name.
@@ -53,13 +141,10 @@ def read_trajectory(run: Path, estimator: str) -> Trajectory:
     """
     if estimator not in ESTIMATORS:
         raise ConfigError(f"unknown estimator {estimator!r}: expected one of {', '.join(ESTIMATORS)}")
-    if estimator == "smoothed" and (run / "breadcrumbs.csv").is_file():
-        return read_breadcrumbs(run / "breadcrumbs.csv")
-    path = run / f"{estimator}.tum"
-    if not path.is_file():
-        there = ", ".join(name for name in ESTIMATORS if (run / f"{name}.tum").is_file())
-        raise DataError(f"{run}: this run has no {estimator} trajectory, only {there or 'none at all'}")
-    return read_tum(path)
+    if estimator not in run.trajectories:
+        there = ", ".join(run.trajectories)
+        raise DataError(f"{run.folder}: this run has no {estimator} trajectory, only {there}")
+    return run.trajectories[estimator]
 
 
 def read_events(summary: dict[str, Any]) -> list[tuple[float, str]]:
@@ -73,66 +158,71 @@ def read_events(summary: dict[str, Any]) -> list[tuple[float, str]]:
     return [(t_s, label) for t_s, label in labelled if label]
 
 
-def read_georeference(summary: dict[str, Any], source: str) -> Georeference | None:
-    """Where on Earth a run's world frame lies, or None if it does not know.
-
-    Raises:
-        DataError: it cannot be read, naming ``source``.
-    """
+def read_georeference(summary: dict[str, Any]) -> Georeference | None:
+    """Where on Earth a run's world frame lies, or None if it does not know."""
     entry = summary.get("georeference")
-    if entry is None:
-        return None
-    try:
-        return Georeference(float(entry["lat_deg"]), float(entry["lon_deg"]))
-    except (TypeError, KeyError, ValueError) as error:
-        raise DataError(f"{source}: its georeference is not lat_deg and lon_deg in degrees") from error
+    return None if entry is None else Georeference(float(entry["lat_deg"]), float(entry["lon_deg"]))
 
 
-def read_directions(run: Path, estimator: str = "smoothed", pace_m: float | None = None) -> Directions:
-    """The way of a run folder in walking order, with the landmarks of its log.
+def read_directions(run: SavedRun, estimator: str = "smoothed", pace_m: float | None = None) -> Directions:
+    """The way of a run in walking order, with the landmarks of its log.
 
     Raises:
         ConfigError: no such estimator, or a pace that is not positive.
-        DataError: not a run folder, or nothing in it that leads anywhere.
+        DataError: a damaged configuration, or nothing in the run that leads anywhere.
     """
-    summary = read_summary(run)
-    trajectory = read_trajectory(run, estimator)
-    if len(trajectory) != summary.get("steps", len(trajectory) - 1) + 1:
-        raise DataError(f"{run}: {len(trajectory)} breadcrumbs, but {summary['steps']} steps: smooth the log again")
-    graph = load_config(str(run / "config.toml")).graph
+    summary, trajectory = run.summary, trajectory_of(run, estimator)
     anchored = estimator == "smoothed" and summary.get("anchors", 0) > 1  # in the anchors' own frame
     compass = anchored or summary["log"].get("samples", {}).get("mag", 1) > 0
     name = f"{summary['log']['name']} ({estimator})"
-    return directions_of(trajectory, read_events(summary), pace_m, graph, name, compass)
+    return directions_of(trajectory, read_events(summary), pace_m, run.read_config().graph, name, compass)
 
 
 def read_summary(run: Path) -> dict[str, Any]:
-    """The summary of a run folder.
+    """The summary of a run folder, without the digests of its files.
 
     Raises:
-        DataError: not a run folder.
+        DataError: not a run folder, or a field that is missing or wrong.
     """
-    try:
-        summary = json.loads((run / "summary.json").read_text("utf-8"))
-        return {**summary, "log": summary["log"], "estimators": summary["estimators"]}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    return _read_summary(run)[0]
+
+
+def _read_summary(run: Path) -> tuple[dict[str, Any], NotedRun]:
+    """The summary of a run folder as it stands there, and as it was understood."""
+    path = run / SUMMARY
+    if not path.is_file():
         if (run / RAW).is_file():
             raise DataError(
                 f"{run}: a live walk that has not ended; `fbgraph online --source … --resume {run}` goes on with it"
-            ) from error
-        raise DataError(f"{run}: not a run folder (no readable summary.json); `fbgraph smooth` makes one") from error
+            )
+        raise DataError(f"{run}: not a run folder (no {SUMMARY}); `fbgraph smooth` makes one")
+    with _advised():
+        try:
+            summary = json.loads(read_text(path, "JSON"), parse_constant=lambda _: None, parse_float=_finite)
+        except (ValueError, RecursionError) as error:
+            raise DataError(f"{path}: not readable as JSON: {error}") from error
+        if not isinstance(summary, dict):
+            raise DataError(f"{path}: not a summary, but a JSON {type(summary).__name__}")
+        noted = noted_run(summary, path)
+        summary.pop(DIGESTS, None)
+        require_summary_as_written(path, summary, noted.sha256)
+    return summary, noted
 
 
-def score_run(run: Path, truth: Checkpoints) -> dict[str, Any]:
-    """Score every trajectory of a run folder; by estimator, as in ``summary.json``.
+def _finite(text: str) -> float | None:
+    """A number of a summary; None, as JSON knows no infinity, if it is beyond what can be counted."""
+    value = float(text)
+    return value if math.isfinite(value) else None
+
+
+def score_run(run: SavedRun, truth: Checkpoints) -> dict[str, Any]:
+    """Score every trajectory of a run; by estimator, as in ``summary.json``.
 
     Raises:
-        DataError: not a run folder, or truth that does not belong to it.
+        DataError: truth that does not belong to it.
     """
-    summary = read_summary(run)
     scores = {}
-    for name in summary["estimators"]:
-        trajectory = read_tum(run / f"{name}.tum")
-        label, alignment = score_label(name, bool(summary.get("anchors")), bool(summary.get("closed_walk")))
+    for name, trajectory in run.trajectories.items():
+        label, alignment = score_label(name, bool(run.summary.get("anchors")), bool(run.summary.get("closed_walk")))
         scores[name] = score_entry(trajectory, truth, 0.0, label, alignment)
     return scores

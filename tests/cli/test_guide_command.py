@@ -21,7 +21,8 @@ from fbgraph.core.config import load_config
 from fbgraph.core.log import Event
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import read_log
-from fbgraph.run.reading import read_directions
+from fbgraph.run.folder import claimed_run
+from fbgraph.run.reading import read_directions, read_run
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate
 from fbgraph.way_back.texts import instructions
@@ -36,7 +37,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     log = simulate(load_route("stairs"), seed=4).log
     events = tuple(replace(e, label="Café <A&B>\x07\n") if e.label == "3" else e for e in log.events)
     folder = tmp_path_factory.mktemp("guidance") / "run"
-    write_run(reconstruct(replace(log, events=events), CONFIG), folder, recording=False)
+    with claimed_run(folder) as claim:
+        write_run(reconstruct(replace(log, events=events), CONFIG), claim, recording=False)
     return folder
 
 
@@ -177,6 +179,7 @@ def test_without_a_compass_only_turns_are_told(guide: Guide, run: Path, tmp_path
 def edit_summary(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
     path = folder / "summary.json"
     summary = json.loads(path.read_text())
+    summary.pop("sha256", None)  # what is edited is as it was written no more
     change(summary)
     path.write_text(json.dumps(summary))
 
@@ -196,8 +199,8 @@ def edit_summary(folder: Path, change: Callable[[dict[str, Any]], None]) -> None
         (("--format", "gpx", "--origin", "north"), 2, "LAT,LON"),
         (("--format", "gpx", "--origin", "91,0"), 2, "LAT,LON"),
         (("--format", "gpx", "--origin", "nan,0"), 2, "LAT,LON"),
-        (("--out", "."), 2, "directory"),
-        (("--out", "nowhere/back.txt"), 2, "No such file"),
+        (("--out", "."), 2, "current folder"),
+        (("--out", "/dev/null/back.txt"), 2, "cannot write"),
     ],
 )
 def test_what_cannot_be_is_one_line(
@@ -236,8 +239,9 @@ def test_a_folder_without_a_walk_is_bad_data(guide: Guide, run: Path, tmp_path: 
 def test_a_real_walk_out_and_back_is_told_by_its_corridors(shared_data: Path, tmp_path: Path) -> None:
     file = read_log(shared_data / "ipin2023" / "TrainingTrial22_repetition02.txt.gz")
     log = replace(file.log, events=(Event(0.0, "before the walk"),))
-    write_run(reconstruct(log, load_config("phone")), tmp_path / "run", recording=False)
-    back = read_directions(tmp_path / "run").reversed()
+    with claimed_run(tmp_path / "run") as claim:
+        write_run(reconstruct(log, load_config("phone")), claim, recording=False)
+    back = read_directions(read_run(tmp_path / "run")).reversed()
     turns = [math.degrees(back.turn_rad(i)) for i in range(1, len(back.legs))]
     assert np.abs(turns) == pytest.approx([90, 90, 90, 180, 90, 90, 90], abs=12)
     assert instructions(back)[-1] == "You are back at the start, at “before the walk”."
