@@ -45,7 +45,7 @@ def without_compass(log: SensorLog) -> SensorLog:
 
 
 def errors_sigma(walk: SimulatedWalk, smoothed: Trajectory, gap_s: float) -> FloatArray:
-    """Errors of the breadcrumbs after the gap in units of their sigma; the truth itself is of the waist, not the wrist."""
+    """Errors of the breadcrumbs after the gap in units of their sigma; the truth is of the waist, not of the wrist."""
     assert smoothed.cov_xy_yaw is not None
     true_s = smoothed.t_s - gap_s * (smoothed.t_s > CUT_S + gap_s / 2.0)
     off = smoothed.xy_m - np.column_stack([np.interp(true_s, walk.t_s, axis) for axis in (walk.x_m, walk.y_m)])

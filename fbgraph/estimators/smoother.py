@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -26,6 +25,7 @@ from fbgraph.way_back.follower import find_closures
 from fbgraph.way_back.records import Closure, TurnBack
 from fbgraph.way_back.turn_back import find_turn_back
 
+_INTERRUPTIBLE_S = 0.1
 Solved = TypeVar("Solved")
 _STACK_MIN, _STACK_PER_BREADCRUMB, _STACK_MAX = 64 << 20, 4096, 1 << 30
 
@@ -143,14 +143,29 @@ def tie_way_back(
 def _on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
     """Run a solver where its recursion has room: GTSAM eliminates a chain as deep as it is long.
 
-    Eight mebibytes, a usual stack, overflow at some 100,000 breadcrumbs, which ends the whole process.
+    Eight mebibytes, a usual stack, overflow at some 100,000 breadcrumbs, which ends the whole process. Who interrupts
+    the program does not wait for the solver.
     """
+    done: list[Solved] = []
+    failed: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            done.append(solve())
+        except BaseException as error:  # handed on to who waits
+            failed.append(error)
+
     before = threading.stack_size(min(_STACK_MIN + breadcrumbs * _STACK_PER_BREADCRUMB, _STACK_MAX))
     try:
-        with ThreadPoolExecutor(max_workers=1) as pool:
-            return pool.submit(solve).result()
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
     finally:
         threading.stack_size(before)
+    while thread.is_alive():
+        thread.join(_INTERRUPTIBLE_S)
+    if failed:
+        raise failed[0]
+    return done[0]
 
 
 def _trajectory_of(
