@@ -11,11 +11,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, InstanceOf, ValidationError
 
 from fbgraph.core.errors import DataError
 
-_Text = Annotated[str, Field(pattern=r"\A[^\x00]*\z")]
+
+def _without_nul(text: str) -> str:
+    if "\x00" in text:
+        raise ValueError("it holds a NUL")
+    return text
+
+
+_Shown = InstanceOf[str]
+"""Any text: names of files that are no UTF-8 hold halves of surrogate pairs, which Pydantic's own ``str`` refuses."""
+_Text = Annotated[_Shown, AfterValidator(_without_nul)]
 _Count = Annotated[int, Field(ge=0, le=10**9)]
 _Metres = Annotated[float, Field(ge=0.0, le=1e9)]
 _Seconds = Annotated[float, Field(ge=0.0, le=1e9)]
@@ -33,7 +42,7 @@ class _Noted(BaseModel):
 
 class _Event(_Noted):
     t_s: _ClockSeconds
-    label: str
+    label: _Shown
 
 
 class _Samples(_Noted):
@@ -41,7 +50,7 @@ class _Samples(_Noted):
 
 
 class _Log(_Noted):
-    name: str
+    name: _Shown
     duration_s: _Seconds
     t0_s: _ClockSeconds
     samples: _Samples = _Samples()
@@ -66,10 +75,10 @@ class _Georeference(_Noted):
 
 
 class _Finding(_Noted):
-    kind: str
+    kind: _Shown
     start_s: float
     end_s: float
-    text: str
+    text: _Shown
 
 
 class _Inputs(_Noted):

@@ -257,6 +257,13 @@ def test_another_layout_and_other_line_ends_are_no_damage(run: Path) -> None:
     assert answers(run) == before
 
 
+def test_a_log_whose_name_is_not_utf8_is_read_back(old: Path) -> None:
+    edit(old, lambda s: (s["log"].update(name="w\udc9b"), s["inputs"].update(log="/tmp/w\udc9b.csv")))
+    run = read_run(old)
+    assert read_directions(run).name == "w\udc9b (smoothed)"
+    assert RunInputs.from_summary(run.summary, old).log == "/tmp/w\udc9b.csv"
+
+
 def test_standard_deviations_may_all_be_unknown(old: Path) -> None:
     path = old / "breadcrumbs.csv"
     header, *rows = path.read_text().splitlines()
