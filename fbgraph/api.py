@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from fbgraph.core.errors import ConfigError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.log import SensorLog
 from fbgraph.core.palette import COLORS, LABELS
+from fbgraph.core.safe_text import short_name
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.answers import Update
 from fbgraph.pipeline import reconstruct, write_run
@@ -98,7 +100,7 @@ class Walk:
         scored = self.scores.get("smoothed")
         error = f", {scored['rmse_m']:.2f} m RMSE" if scored else ""
         name, seconds = s["log"]["name"], s["log"]["duration_s"]
-        return f"<Walk {name}: {seconds:.0f} s, {s['steps']} steps, {s['distance_m']:.1f} m{error}>"
+        return f"<Walk {short_name(name)}: {seconds:.0f} s, {s['steps']} steps, {s['distance_m']:.1f} m{error}>"
 
     def _repr_html_(self) -> str:
         """A small table and the map, for notebooks."""
@@ -109,7 +111,7 @@ class Walk:
             cells = (f"{entry['distance_m']:.1f}", *(f"{value:.2f}" for value in entry["end_m"][:2]), rmse)
             color = f"rgb{COLORS[name]}"
             row = "".join(f"<td>{cell}</td>" for cell in cells)
-            rows.append(f"<tr><th style='color:{color}'>{LABELS[name]}</th>{row}</tr>")
+            rows.append(f"<tr><th style='color:{color}'>{html.escape(LABELS[name])}</th>{row}</tr>")
         return f"<table><tr>{heads}</tr>{''.join(rows)}</table>{_map_svg(self.trajectories)}"
 
 

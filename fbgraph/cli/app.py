@@ -4,15 +4,48 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from fbgraph import __version__
+from fbgraph.cli.printing import close_stdout, complain, say
 from fbgraph.core.errors import ConfigError, FbgraphError
+from fbgraph.core.safe_text import for_terminal
+
+
+@contextmanager
+def _typed_shown() -> Iterator[None]:
+    """Usage errors quote what was typed, names of files among it: shown, never interpreted."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(message := vars(error).get("message"), str):
+            vars(error)["message"] = for_terminal(message)
+        raise
+
+
+class _Commands(TyperGroup):
+    """All commands."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Parse the options before the command."""
+        with _typed_shown():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Parse the command's own and run it."""
+        with _typed_shown():
+            return super().invoke(ctx)
+
 
 app = typer.Typer(
+    cls=_Commands,
     help="Where somebody walked, from IMU, magnetometer and barometer alone.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -71,12 +104,15 @@ def require_rerun() -> None:
 
 def main() -> None:
     """Entry point: every error ends as one line on stderr and an exit code (2 usage, 3 data, 4 estimation, 1 else)."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # what an encoding cannot show is no reason to fail
     try:
         app()
     except FbgraphError as error:
         _fail(str(error), error.exit_code)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        close_stdout()
         sys.exit(0)
     except Exception as error:
         if os.environ.get("FBGRAPH_DEBUG"):
@@ -85,13 +121,13 @@ def main() -> None:
 
 
 def _fail(message: str, code: int) -> None:
-    print(f"fbgraph: {' '.join(message.split())}", file=sys.stderr)
+    complain(message)
     sys.exit(code)
 
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        print(f"fbgraph {__version__}")
+        say(f"fbgraph {__version__}")
         raise typer.Exit()
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +12,7 @@ from fbgraph.cli.app import (
     app,
     require_rerun,
 )
-from fbgraph.cli.printing import print_scores
+from fbgraph.cli.printing import print_scores, say, say_document, say_json
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.whole_writes import whole_file
 
@@ -34,6 +32,7 @@ def view(
 
     require_rerun()
     from fbgraph.recording.side_by_side import compare, recording_of, require_walk
+    from fbgraph.recording.viewer import viewer_command
     from fbgraph.run.folder import require_free
 
     with tempfile.TemporaryDirectory(prefix="fbgraph-") as folder:
@@ -48,9 +47,9 @@ def view(
         if save is not None:
             with whole_file(save) as partial:
                 shutil.copyfile(shown, partial)
-            print(f"written to {save}")
+            say(f"written to {save}")
             return
-        command = [sys.executable, "-m", "rerun", str(shown), *(["--web-viewer"] if web else [])]
+        command = viewer_command(str(shown.resolve()), *(["--web-viewer"] if web else []))
         if code := subprocess.run(command).returncode:
             raise ConfigError(f"the Rerun viewer ended with code {code}; without a screen, --web or --save FILE may do")
 
@@ -68,7 +67,7 @@ def record(
 
     if out is not None:
         require_free(out, "--out")
-    print(f"written to {reruns.record_run(run, out, log)}")
+    say(f"written to {reruns.record_run(run, out, log)}")
 
 
 @app.command()
@@ -84,7 +83,7 @@ def evaluate(
     saved = read_run(run)
     scores = score_run(saved, read_checkpoints(truth))
     if as_json:
-        print(json.dumps(scores, indent=2))
+        say_json(scores)
     else:
         print_scores(str(saved.summary["log"]["name"]), scores)
 
@@ -126,7 +125,7 @@ def guide(
         where = given.moved(-x_m, -y_m)
     text = format_directions(there.reversed(), format_, "steps" if units == "steps" else "metric", where)
     if out is None:
-        print(text, end="")
+        say_document(text, for_reading=format_ == "text")
         return
     require_free(out, "--out")
     with whole_file(out) as partial:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -15,8 +14,9 @@ from fbgraph.cli.app import (
     SetOption,
     app,
 )
-from fbgraph.cli.printing import print_table, study_progress_bar
+from fbgraph.cli.printing import print_table, say, say_document, say_json, study_progress_bar
 from fbgraph.core.errors import ConfigError
+from fbgraph.core.safe_text import for_json, short_name
 
 
 @app.command()
@@ -49,7 +49,11 @@ def simulate(
     walker = Walker(gait_variation=variation, shake_s=shake_s)
     options = SimulateOptions(walker=walker, noise=noise, anomalies=anomalies, duration_s=duration_s)
     written = simulate_files(out, load_route(route, scale, laps), options, seed)
-    print(json.dumps(written, indent=2) if as_json else "\n".join(f"{k}: {v}" for k, v in written.items()))
+    if as_json:
+        say_json(written)
+        return
+    for key, value in written.items():
+        say(f"{key}: {value}")
 
 
 @app.command()
@@ -59,15 +63,13 @@ def formats(as_json: JsonOption = False) -> None:
 
     known = {name: reader(name) for name in FORMATS}
     if as_json:
-        print(
-            json.dumps(
-                [{"name": n, "description": r.DESCRIPTION, "example": r.EXAMPLE} for n, r in known.items()], indent=2
-            )
-        )
+        say_json([{"name": n, "description": r.DESCRIPTION, "example": r.EXAMPLE} for n, r in known.items()])
         return
     for name, module in known.items():
-        print(f"{name}: {module.DESCRIPTION}")
-        print("".join(f"    {line}\n" for line in module.EXAMPLE.strip().splitlines()))
+        say(f"{name}: {module.DESCRIPTION}")
+        for line in module.EXAMPLE.strip().splitlines():
+            say(f"    {line}")
+        say()
 
 
 @app.command()
@@ -115,16 +117,16 @@ def study(
     from fbgraph.study.report import headline, summary, table  # heavy, and by now imported
 
     if as_json:
-        print(json.dumps({"out": str(folder), **summary(result)}, indent=2))
+        say_json({"out": str(folder), **summary(result)})
         return
-    print(headline(result))
+    say(headline(result))
     head, *rows = table(result)
     print_table(head, rows)
     for name, reason in result.skipped:
-        print(f"not used: {name}: {reason}")
+        say(f"not used: {short_name(name)}: {reason}")
     for text in result.notices:
-        print(f"note: {text}")
-    print(f"written to {folder}")
+        say(f"note: {text}")
+    say(f"written to {folder}")
 
 
 @app.command()
@@ -133,4 +135,7 @@ def config(config: ConfigOption = None, set_: SetOption = None, as_json: JsonOpt
     from fbgraph.core.config import dump_toml, load_config
 
     effective = load_config(config, set_ or ())
-    print(effective.model_dump_json(indent=2) if as_json else dump_toml(effective), end="\n" if as_json else "")
+    if as_json:
+        say_document(for_json(effective.model_dump_json(indent=2)) + "\n", for_reading=False)
+    else:
+        say_document(dump_toml(effective), for_reading=True)

@@ -1,14 +1,60 @@
-"""Tables and progress bars."""
+"""Everything that is printed goes through here: lines, documents, tables, progress bars.
+
+What comes from a log or a file is shown, never interpreted (``core.safe_text``).
+"""
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
+
+from fbgraph.core.safe_text import for_json, for_terminal, short_name, visible
 
 if TYPE_CHECKING:
     from fbgraph.pipeline import Progress
+
+
+def say(line: str = "") -> None:
+    """Print one line."""
+    _write((for_terminal(line) + "\n").encode(sys.stdout.encoding, "backslashreplace"))
+
+
+def say_json(value: object, indent: int | None = 2) -> None:
+    """Print something as JSON."""
+    _write((for_json(json.dumps(value, indent=indent)) + "\n").encode())
+
+
+def say_document(text: str, for_reading: bool) -> None:
+    """Print text of many lines; what is not for reading but for a program is UTF-8 wherever it is printed."""
+    if for_reading:
+        _write(visible(text, keep="\n").encode(sys.stdout.encoding, "backslashreplace"))
+    else:
+        _write(text.encode())
+
+
+def complain(text: str) -> None:
+    """Tell the user on stderr, in one line, what went wrong."""
+    with suppress(OSError):  # nobody reads it
+        print(f"fbgraph: {for_terminal(' '.join(text.split()))}", file=sys.stderr, flush=True)
+
+
+def _write(data: bytes) -> None:
+    """Write to stdout at once; who no longer reads it misses the rest, the work goes on."""
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        close_stdout()
+
+
+def close_stdout() -> None:
+    """From now on print to nobody."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
@@ -33,8 +79,9 @@ def print_summary(summary: dict[str, Any]) -> None:
     low, high = summary["altitude_range_m"]
     altitude = f"altitude {low:+.1f} to {high:+.1f} m" if log["samples"]["pressure"] else "no barometer"
     minutes, seconds = divmod(round(log["duration_s"]), 60)
-    print(
-        f"{log['name']} ({log['format']}): {minutes} min {seconds:02d} s, {summary['steps']} steps, "
+    name = short_name(log["name"])
+    say(
+        f"{name} ({log['format']}): {minutes} min {seconds:02d} s, {summary['steps']} steps, "
         f"{summary['distance_m']:.1f} m, {summary['turns']} turns, {altitude}"
     )
     scores = {name: entry.get("score") for name, entry in summary["estimators"].items()}
@@ -47,7 +94,7 @@ def print_summary(summary: dict[str, Any]) -> None:
     if summary["return"] is not None:
         _print_return(summary["return"])
     for text in summary["warnings"]:
-        print(f"note: {text}")
+        say(f"note: {text}")
 
 
 def _print_return(way_back: dict[str, Any]) -> None:
@@ -57,7 +104,7 @@ def _print_return(way_back: dict[str, Any]) -> None:
     if way_back["steps"]:
         text += f", {way_back['steps']} steps guided, {way_back['off_route_steps']} of them off the route, "
         text += f"{way_back['remaining_m']:.1f} m left" if arrived_s is None else f"arrived at {arrived_s:.1f} s"
-    print(f"{text}; {way_back['closures']} closures")
+    say(f"{text}; {way_back['closures']} closures")
 
 
 _SCORE_HEADS = ["RMSE m", "mean m", "max m", "final m", "scored"]
@@ -71,7 +118,7 @@ def _score_cells(score: dict[str, Any] | None) -> list[str]:
 
 def print_scores(name: str, scores: dict[str, Any]) -> None:
     """Scores by estimator, from ``exports.score_run``."""
-    print(f"{name}: {next(iter(scores.values()))['checkpoints']} checkpoints scored")
+    say(f"{short_name(name)}: {next(iter(scores.values()))['checkpoints']} checkpoints scored")
     rows = [[name, *_score_cells(score), f"{score['aligned_rmse_m']:.2f}"] for name, score in scores.items()]
     print_table(["estimator", *_SCORE_HEADS, "aligned RMSE m"], rows)
 
@@ -81,14 +128,20 @@ def print_table(heads: list[str], rows: list[list[str]]) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in heads:
-        table.add_column(head, justify="left" if head in ("estimator", "scored", "Metric") else "right", no_wrap=True)
+        table.add_column(
+            Text(head), justify="left" if head in ("estimator", "scored", "Metric") else "right", no_wrap=True
+        )
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*(Text(short_name(cell)) for cell in row))  # no markup
     # a pipe has no width of its own: give it all the table needs
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    with console.capture() as printed:
+        console.print(table)
+    _write(printed.get().encode(sys.stdout.encoding, "backslashreplace"))
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -27,7 +26,7 @@ from fbgraph.cli.app import (
     app,
     require_rerun,
 )
-from fbgraph.cli.printing import print_summary, progress_bar
+from fbgraph.cli.printing import complain, print_summary, progress_bar, say, say_json
 from fbgraph.core.errors import ConfigError, EstimationError
 
 if TYPE_CHECKING:
@@ -154,7 +153,7 @@ def online(
                 effective,
                 inputs.read_told(),
                 on_update=show,
-                tell=lambda text: print(f"fbgraph: {text}", file=sys.stderr, flush=True),
+                tell=complain,
                 resume=resume is not None,
                 recording=not no_recording,
                 view=_live_view(effective, view, connect),
@@ -171,10 +170,10 @@ def _show(summary: dict[str, Any], folder: Path, as_json: bool, indent: int | No
         EstimationError: an estimator failed; told last, when what the others found is written.
     """
     if as_json:
-        print(json.dumps({"out": str(folder), **summary}, indent=indent))
+        say_json({"out": str(folder), **summary}, indent)
     else:
         print_summary(summary)
-        print(f"written to {folder}")
+        say(f"written to {folder}")
     for name, why in summary["failed"].items():
         raise EstimationError(f"no {name} trajectory: {why}; what the other estimators found is in {folder}")
 
@@ -242,15 +241,14 @@ def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
             fields = asdict(update)
             if fields["returning"] is None:
                 del fields["returning"]
-            print(json.dumps(fields), flush=True)
+            say_json(fields, indent=None)
         elif follow:
             from fbgraph.core.geometry import heading_deg
 
-            print(
+            say(
                 f"{update.t_s:8.2f} s  step {update.k:5d}  x {update.x_m:8.2f}  y {update.y_m:8.2f}  "
                 f"z {update.z_m:6.2f} m  heading {heading_deg(update.yaw_rad):3.0f}°  {update.distance_m:7.1f} m"
-                + (f"  {update.returning.instruction}" if update.returning else ""),
-                flush=True,
+                + (f"  {update.returning.instruction}" if update.returning else "")
             )
 
     return show

@@ -37,12 +37,12 @@ def open_source(spec: str, stop: Stop) -> Iterator[bytes]:
         return _stdin(stop)
     if spec.startswith("serial:"):
         port, at, baud = spec.removeprefix("serial:").rpartition("@") if "@" in spec else (spec[7:], "", "")
-        if not port or (at and not baud.isdigit()):
+        if not port or (at and not baud.isdecimal()):
             raise ConfigError(f"--source {spec}: expected serial:PORT[@BAUD], for example serial:/dev/ttyUSB0@115200")
         return _serial(port, int(baud) if at else _BAUD, stop)
     kind, slashes, address = spec.partition("://")
     host, _, port = address.rpartition(":")
-    if kind in ("udp", "tcp") and slashes and port.isdigit() and int(port) < 65536:
+    if kind in ("udp", "tcp") and slashes and port.isdecimal() and int(port) < 65536:
         return (_udp if kind == "udp" else _tcp)(host or "127.0.0.1", int(port), stop)
     raise ConfigError(f"--source {spec}: expected stdin, serial:PORT[@BAUD], udp://HOST:PORT or tcp://HOST:PORT")
 

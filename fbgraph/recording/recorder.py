@@ -26,6 +26,7 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.log import SensorLog
 from fbgraph.core.palette import AXIS_COLORS, COLORS, LABELS
+from fbgraph.core.safe_text import MOST_NAME, for_markdown, for_terminal
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.answers import Belief
 from fbgraph.front_end.signals import LevelledSignals
@@ -128,7 +129,7 @@ class Recorder:
         )
         if log.events:
             at_s = np.array([event.t_s for event in log.events])
-            texts = [event.label for event in log.events]
+            texts = [for_terminal(event.label) for event in log.events]
             levels = [rr.TextLogLevel.INFO] * len(texts)
             rrd.columns("events", at_s, rr.TextLog.columns(text=texts, level=levels))
 
@@ -282,12 +283,13 @@ class Recorder:
             result.log,
             len(result.log.mag) > 0 or (result.told.anchors is not None and len(result.told.anchors) > 1),
         )
-        events = [(event.t_s, event.label) for event in log.events]
+        events = [(event.t_s, for_markdown(event.label, MOST_NAME)) for event in log.events]
+        name = for_markdown(log.name, MOST_NAME)
         walked = result.smoothed.trajectory
         if result.turn_back is not None and result.returning:  # the wearer has gone back already: that way
             walked = walked.until(result.turn_back.breadcrumb)
         try:
-            there = directions_of(walked, events, None, result.config.graph, log.name, compass)
+            there = directions_of(walked, events, None, result.config.graph, name, compass)
         except DataError:  # a walk that leads nowhere
             return
         back = there.reversed()

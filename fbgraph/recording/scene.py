@@ -15,6 +15,7 @@ import rerun as rr
 from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.palette import COLORS, LABELS
+from fbgraph.core.safe_text import short_name
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.answers import Belief
 from fbgraph.recording.map_frame import MOST_LABELS, Frame
@@ -227,7 +228,7 @@ def _events(rrd: RrdWriter, result: WalkResult) -> None:
     if not 0 < len(events) <= MOST_LABELS:
         return
     places = result.smoothed.trajectory.at(np.array([event.t_s for event in events]))
-    rrd.points("events", places, [f"“{event.label}”" for event in events], COLORS["event"], 4.0)
+    rrd.points("events", places, [f"“{short_name(event.label)}”" for event in events], COLORS["event"], 4.0)
 
 
 def _ends(rrd: RrdWriter, places: FloatArray, frame: Frame) -> None:

@@ -20,10 +20,17 @@ from rerun.chunk import Chunk
 
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.core.safe_text import visible
+from fbgraph.recording.viewer import start_viewer
 
 APPLICATION_ID = "fbgraph"
 
 Rgba = tuple[int, int, int] | tuple[int, int, int, int]
+
+
+def entity_below(name: str) -> str:
+    """A path of entities for a name from outside; its slashes make levels, nothing else in it means anything."""
+    return "/".join(rr.escape_entity_path_part(visible(part)) for part in name.split("/") if part)
 
 
 class RrdWriter:
@@ -37,8 +44,9 @@ class RrdWriter:
         """
         # without properties: they hold the time of writing; a file is cut into chunks by what it holds, not by when
         batching = rr.ChunkBatcherConfig.NEVER() if recording_id is not None else None
+        shown_id = None if recording_id is None else visible(recording_id)
         self._stream = rr.RecordingStream(
-            APPLICATION_ID, recording_id=recording_id, send_properties=False, batcher_config=batching
+            APPLICATION_ID, recording_id=shown_id, send_properties=False, batcher_config=batching
         )
         self._crumb_s = np.zeros(1)
         self._distance_m = np.zeros(1)
@@ -56,10 +64,7 @@ class RrdWriter:
             ConfigError: there is no viewer to be had.
         """
         try:
-            if url is None:
-                self._stream.spawn(default_blueprint=arranged)
-            else:
-                self._stream.connect_grpc(url, default_blueprint=arranged)
+            self._stream.connect_grpc(url or start_viewer(), default_blueprint=arranged)
         except (RuntimeError, ValueError, OSError) as error:
             raise ConfigError(f"--view: no viewer: {str(error).splitlines()[0]}") from error
 

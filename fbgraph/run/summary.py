@@ -10,6 +10,7 @@ import numpy as np
 
 from fbgraph import __version__
 from fbgraph.core.palette import LABELS
+from fbgraph.core.safe_text import MOST_NAME, for_markdown
 from fbgraph.run.findings import walk_findings
 from fbgraph.run.result import WalkResult
 from fbgraph.run.scores import score_entry, score_label
@@ -135,15 +136,12 @@ def summary_markdown(summary: dict[str, Any]) -> str:
     turns = f"{summary['turns']} turn{'' if summary['turns'] == 1 else 's'}"
     best = "ekf" if "smoothed" in summary["failed"] else "smoothed"
     smoothed = summary["estimators"][best]
+    why = for_markdown(summary["failed"].get("smoothed", ""))
     lines = [
-        f"# {summary['log']['name']}",
+        f"# {for_markdown(summary['log']['name'], MOST_NAME)}",
         f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, "
         f"{summary['distance_m']:.0f} m as smoothed, {turns}, altitude {low:+.1f} to {high:+.1f} m.",
-        *(
-            [f"\n**The smoother failed: what is drawn as smoothed is the EKF's walk.** {summary['failed']['smoothed']}"]
-            if best == "ekf"
-            else []
-        ),
+        *([f"\n**The smoother failed: what is drawn as smoothed is the EKF's walk.** {why}"] if best == "ekf" else []),
         "",
         f"{_ends_text(smoothed['end_m'], summary)}.",
     ]
@@ -171,7 +169,9 @@ def summary_markdown(summary: dict[str, Any]) -> str:
             "",
             "Errors are horizontal, at the truth's checkpoints after the first; “last” is at the last of them.",
         ]
-    lines += ["", "## Warnings", *(f"- {text}" for text in summary["warnings"])] if summary["warnings"] else []
+    lines += (
+        ["", "## Warnings", *(f"- {for_markdown(text)}" for text in summary["warnings"])] if summary["warnings"] else []
+    )
     worth = [f for f in findings if f["kind"] != "gyro_bias"]
     worth.sort(key=lambda f: f["kind"] != "truth")  # what is wrong before what may be its cause
     if worth:

@@ -84,7 +84,8 @@ def _reason(error: DataError, name: str) -> str:
 
 def _natural(name: str) -> list[Any]:
     """Sorts ``trial_2`` before ``trial_10``."""
-    return [(0, int(part)) if part.isdigit() else (1, part.lower()) for part in re.split(r"(\d+)", name) if part]
+    parts = (part for part in re.split(r"(\d{1,999})", name) if part)
+    return [(0, int(part)) if part.isdecimal() else (1, part.lower()) for part in parts]
 
 
 def _texts(path: Path) -> Iterator[tuple[str, str]]:

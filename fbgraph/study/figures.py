@@ -20,6 +20,7 @@ from scipy import stats
 
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.palette import COLORS
+from fbgraph.core.safe_text import for_terminal, short_name
 from fbgraph.study.course import OBSTACLE_M
 from fbgraph.study.protocol import LABELS, StudyResult, TrialResult
 
@@ -37,6 +38,7 @@ _STYLES: dict[str, tuple[Any, str]] = {
     "smoothed": ("-", "o"),
 }
 _CELL_M = 0.3
+_MOST_LABEL = 24  # characters of a checkpoint's name
 _SECTORS = 24
 
 
@@ -117,13 +119,14 @@ def _scene(panel: Any, result: StudyResult, trial: TrialResult) -> None:
         outward = np.array([x, y]) - middle
         panel.plot(x, y, marker="o", ms=4, color="black", zorder=6)
         panel.annotate(
-            name,
+            for_terminal(name, _MOST_LABEL),
             (x, y),
             xytext=11.0 * outward / max(float(np.hypot(*outward)), 1e-9),
             textcoords="offset points",
             ha="center",
             va="center",
             fontweight="bold",
+            parse_math=False,
             zorder=9,
             path_effects=[withStroke(linewidth=2.5, foreground="white")],
         )
@@ -155,8 +158,9 @@ def _trajectory(result: StudyResult) -> tuple[Figure, str]:
         panel.label_outer()
     bar = figure.colorbar(panels[0].collections[1], ax=panels, shrink=0.8, pad=0.02)
     bar.set_label("position error (m)")
+    name = short_name(trial.trial.name)
     caption = (
-        f"Trajectory of a representative trial ({trial.trial.name}: its RMSEs are nearest to the methods' medians). "
+        f"Trajectory of a representative trial ({name}: its RMSEs are nearest to the methods' medians). "
         "Black: ground truth with its checkpoints; coloured: the estimate by its position error, its end marked."
     )
     return figure, caption
@@ -184,7 +188,7 @@ def _heatmap(result: StudyResult) -> tuple[Figure, str]:
     figure.colorbar(image, ax=panels, shrink=0.8, pad=0.02).set_label("mean position error (m)")
     caption = (
         f"Mean position error by where the person really was, over {len(result.trials)} trials, cells of "
-        f"{100 * _CELL_M:.0f} cm. Black: the ground truth of {representative(result).trial.name}."
+        f"{100 * _CELL_M:.0f} cm. Black: the ground truth of {short_name(representative(result).trial.name)}."
     )
     return figure, caption
 
@@ -207,8 +211,8 @@ def _progress(result: StudyResult) -> tuple[Figure, str]:
     panel.set_ylim(bottom=0.0)
     for label, at in result.checkpoints.items():
         panel.axvline(at, color="#555555", ls="--", lw=0.9, zorder=1)
-        panel.annotate(label, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points",
-                       ha="center", fontweight="bold")  # fmt: skip
+        panel.annotate(for_terminal(label, _MOST_LABEL), (at, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
+                       textcoords="offset points", ha="center", fontweight="bold", parse_math=False)  # fmt: skip
     panel.set_xlabel("share of the route walked")
     panel.set_ylabel("mean position error (m)")
     panel.legend(loc="upper left", framealpha=0.9, handlelength=4.0)

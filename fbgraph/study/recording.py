@@ -15,7 +15,7 @@ import rerun.blueprint as rrb
 
 from fbgraph.core.palette import COLORS
 from fbgraph.recording.map_frame import Frame
-from fbgraph.recording.writer import RrdWriter
+from fbgraph.recording.writer import RrdWriter, entity_below
 from fbgraph.study.protocol import LABELS, StudyResult
 
 
@@ -37,7 +37,7 @@ def write_study_recording(result: StudyResult, figures: dict[str, bytes], markdo
     rrd.fixed("map", rr.Transform3D(scale=(1.0, -1.0, 1.0)))  # Rerun's 2-D views have y down
     names = result.drawn
     for trial in result.trials:
-        label = trial.trial.name
+        label = entity_below(trial.trial.name)
         rrd.fixed(f"map/truth/{label}", _line(trial.trial.truth.xy_m, "truth", 1.0))
         for name in names:
             rrd.fixed(f"map/{name}/{label}", _line(trial.methods[name].xy_m, name, 1.5))

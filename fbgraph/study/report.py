@@ -16,6 +16,7 @@ from typing import Any
 
 from fbgraph import __version__
 from fbgraph.core.config import dump_toml
+from fbgraph.core.safe_text import for_csv, for_latex, for_markdown, for_terminal, visible
 from fbgraph.study.comparison import CONFIDENCE, RESAMPLES, Overall, Paired
 from fbgraph.study.figures import draw
 from fbgraph.study.layout import dump_layout
@@ -27,6 +28,7 @@ _PAPER = {  # section Overall Quantitative Performance
     "forestback": {"rmse_m": 0.965, "final_m": 1.388, "improvement_percent": 15.76, "turn_consistency_percent": 99.90}
     | {"current_ma": 60.31},
 }
+_MOST_REMARK = 300
 _PACKAGES = ("gtsam", "numpy", "scipy", "vqf", "pandas", "matplotlib", "rerun-sdk")
 _ROWS: tuple[tuple[str, Callable[[Overall], str]], ...] = (
     ("RMSE (m)", lambda o: f"{o.rmse_m:.3f}"),
@@ -68,12 +70,14 @@ def write_report(
     (folder / "table.tex").write_text(table_latex(result), "utf-8")
     _write_table_csv(result, folder / "table.csv")
     _write_trials_csv(result, folder / "trials.csv")
-    remark = f"# {result.simulated}\n" if result.simulated else ""
+    remark = f"# {visible(result.simulated)}\n" if result.simulated else ""
     (folder / "config.toml").write_text(remark + _configuration(result), "utf-8")
     (folder / "summary.json").write_text(json.dumps(summary(result), indent=2, allow_nan=False) + "\n", "utf-8")
     progress("recording", 0.0)
     images = {name: png for name, (png, _) in pictures.items()}
-    write_study_recording(result, images, f"{headline(result)}\n\n{table_markdown(result)}", folder / "study.rrd")
+    write_study_recording(
+        result, images, f"{for_markdown(headline(result))}\n\n{table_markdown(result)}", folder / "study.rrd"
+    )
     progress("report", 0.0)
     seconds = time.perf_counter() - began_s
     (folder / "report.html").write_text(_html(result, pictures, command, seconds), "utf-8")
@@ -142,7 +146,7 @@ def headline(result: StudyResult) -> str:
 
 
 def _how(result: StudyResult) -> str:
-    return result.simulated.removeprefix("simulated ")
+    return for_terminal(result.simulated.removeprefix("simulated "), _MOST_REMARK)
 
 
 def _caption(result: StudyResult) -> str:
@@ -171,21 +175,20 @@ def table_markdown(result: StudyResult) -> str:
     head, *rows = table(result)
     lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
     lines += [f"| {' | '.join(row)} |" for row in rows]
-    return f"{_caption(result)}\n\n" + "\n".join(lines).replace("|   ", "| … ") + "\n"
+    return f"{for_markdown(_caption(result))}\n\n" + "\n".join(lines).replace("|   ", "| … ") + "\n"
 
 
 def table_latex(result: StudyResult) -> str:
     """For a paper; needs no package."""
     head, *rows = table(result)
-    escape = str.maketrans({"%": r"\%", "_": r"\_", "–": "--", "°": r"$^\circ$", "&": r"\&"})
 
     def line(cells: list[str], bold: bool = False) -> str:
-        safe = [cell.translate(escape) for cell in cells]
+        safe = [for_latex(cell) for cell in cells]
         safe[0] = r"\quad " + safe[0].strip() if safe[0].startswith("  ") else safe[0]
         return " & ".join(rf"\textbf{{{cell}}}" if bold else cell for cell in safe) + r" \\"
 
     body = "\n".join(line(row) for row in rows)
-    caption = _caption(result).translate(escape)
+    caption = for_latex(_caption(result))
     return (
         f"\\begin{{table}}[t]\n\\centering\n\\caption{{{caption}}}\n\\small\n\\setlength{{\\tabcolsep}}{{3pt}}\n"
         f"\\begin{{tabular}}{{l{'c' * (len(head) - 1)}}}\n\\hline\n{line(head, bold=True)}\n\\hline\n{body}\n\\hline\n"
@@ -211,7 +214,7 @@ def _write_trials_csv(result: StudyResult, path: Path) -> None:
         rows.writerow(["trial", "simulated", "samples", "duration_s", "distance_m", "steps", "method", *head])
         for index, trial in enumerate(result.trials):
             truth = trial.trial.truth
-            common = [trial.trial.name, int(bool(result.simulated)), trial.trial.rows]
+            common = [for_csv(trial.trial.name), int(bool(result.simulated)), trial.trial.rows]
             common += [_cell(float(truth.t_s[-1] - truth.t_s[0])), _cell(float(truth.distance_m[-1])), trial.steps]
             for name in result.methods:
                 rows.writerow([*common, name, *(_cell(v) for v in _trial_row(result, index, name).values())])
@@ -256,10 +259,15 @@ def _parameters(result: StudyResult) -> list[list[str]]:
     return rows
 
 
+def _seen(value: object) -> object:
+    """What a template shows: of text, no character that does something unseen."""
+    return visible(value, keep="\n") if type(value) is str else value
+
+
 def _html(result: StudyResult, pictures: dict[str, tuple[bytes, str]], command: str, seconds: float) -> str:
     import jinja2
 
-    template = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(
+    template = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_seen).from_string(
         (files("fbgraph.study") / "report.html.j2").read_text("utf-8")
     )
     heads = ["Difference", "ratio", "mean (m)", f"{CONFIDENCE:.0%} interval (m)", "better in", "Wilcoxon p", "t test p"]

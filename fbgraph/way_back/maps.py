@@ -13,6 +13,7 @@ import numpy as np
 
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.georeference import Georeference
+from fbgraph.core.safe_text import for_json, for_xml
 from fbgraph.way_back.legs import Directions
 from fbgraph.way_back.texts import Units, arrival_text, as_csv, as_json, as_text, instructions, leg_rows
 
@@ -52,7 +53,8 @@ def as_geojson(way: Directions, origin: Georeference, units: Units = "metric") -
         features.append(_feature("Point", _lon_lat(origin, [point])[0], {"kind": kind, "instruction": text}))
     for label, place in _landmarks(way):
         features.append(_feature("Point", _lon_lat(origin, [place])[0], {"kind": "landmark", "label": label}))
-    return json.dumps({"type": "FeatureCollection", "features": features}, indent=1, ensure_ascii=False) + "\n"
+    document = json.dumps({"type": "FeatureCollection", "features": features}, indent=1, ensure_ascii=False)
+    return for_json(document) + "\n"
 
 
 def as_gpx(way: Directions, origin: Georeference, units: Units = "metric") -> str:
@@ -60,9 +62,9 @@ def as_gpx(way: Directions, origin: Georeference, units: Units = "metric") -> st
     from gpxpy import gpx as xml  # here, because only GPX needs it
 
     document = xml.GPX()
-    document.creator, document.name = "fbgraph", way.name
+    document.creator, document.name = "fbgraph", for_xml(way.name)
     corners = [leg.points_m[0] for leg in way.legs] + [way.points_m[-1]]
-    route = xml.GPXRoute(name=f"{way.name}, {'back' if way.back else 'there'}")
+    route = xml.GPXRoute(name=f"{document.name}, {'back' if way.back else 'there'}")
     for number, (text, (lon, lat)) in enumerate(
         zip(instructions(way, units), _lon_lat(origin, corners), strict=True), start=1
     ):
@@ -75,7 +77,7 @@ def as_gpx(way: Directions, origin: Georeference, units: Units = "metric") -> st
     document.tracks.append(track)
     for label, place in _landmarks(way):
         lon, lat = _lon_lat(origin, [place])[0]
-        document.waypoints.append(xml.GPXWaypoint(lat, lon, name=label))
+        document.waypoints.append(xml.GPXWaypoint(lat, lon, name=for_xml(label)))
     return str(document.to_xml("1.1")) + "\n"
 
 

@@ -9,6 +9,7 @@ import math
 from typing import Any, Literal
 
 from fbgraph.core.geometry import heading_deg
+from fbgraph.core.safe_text import for_csv, for_json, short_name
 from fbgraph.way_back.legs import MIN_CLIMB_M, Climb, Directions, Leg
 
 Units = Literal["metric", "steps"]
@@ -77,7 +78,7 @@ def instruction(
     near_m = _NEAR_STEPS * pace_m
     for mark in leg.landmarks:
         if mark.after_m > near_m and mark.before_m > near_m:
-            parts.append(f"past “{mark.label}” after {distance_text(mark.after_m, pace_m, units)}")
+            parts.append(f"past {_quoted(mark.label)} after {distance_text(mark.after_m, pace_m, units)}")
     return ", ".join(parts) + "."
 
 
@@ -88,7 +89,7 @@ def landmarks_at(way: Directions, corner: int) -> str:
     after = way.legs[corner].landmarks if corner < len(way.legs) else ()
     labels = [mark.label for mark in before if mark.before_m <= near_m and mark.before_m < mark.after_m]
     labels += [mark.label for mark in after if mark.after_m <= near_m and mark.after_m <= mark.before_m]
-    return ", ".join(f"“{label}”" for label in dict.fromkeys(labels))
+    return ", ".join(_quoted(label) for label in dict.fromkeys(labels))
 
 
 def instructions(way: Directions, units: Units = "metric") -> list[str]:
@@ -110,8 +111,9 @@ def arrival_text(way: Directions) -> str:
 def as_text(way: Directions, units: Units = "metric") -> str:
     """For reading: a numbered instruction a leg, with what is left after it and how far to trust it."""
     turns = len(way.legs) - 1
+    name = short_name(way.name)
     lines = [
-        f"{'Way back' if way.back else 'Way'} of {way.name}: {distance_text(way.length_m, way.pace_m, units)}, "
+        f"{'Way back' if way.back else 'Way'} of {name}: {distance_text(way.length_m, way.pace_m, units)}, "
         f"{turns} turn{'' if turns == 1 else 's'}. A step is {way.pace_m:.2f} m."
     ]
     apart_m = math.dist(way.points_m[0][:2], way.points_m[-1][:2])
@@ -132,7 +134,7 @@ def as_text(way: Directions, units: Units = "metric") -> str:
 def as_json(way: Directions, units: Units = "metric") -> str:
     """Everything about the way; angles in degrees, ``turn_deg`` positive to the left, ``end_m`` in the world frame."""
     *_, arrival = instructions(way, units)
-    return (
+    return for_json(
         json.dumps(
             {
                 "name": way.name,
@@ -158,7 +160,7 @@ def as_csv(way: Directions, units: Units = "metric") -> str:
     table = csv.DictWriter(out, _CSV_COLUMNS, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
     for row in leg_rows(way, units):
-        marks = "; ".join(f"{mark['label']} after {mark['after_m']:.1f} m" for mark in row["landmarks"])
+        marks = for_csv("; ".join(f"{mark['label']} after {mark['after_m']:.1f} m" for mark in row["landmarks"]))
         end = dict(zip(("end_x_m", "end_y_m", "end_z_m"), row["end_m"], strict=True))
         table.writerow({**row, "landmarks": marks, **end})
     return out.getvalue()
@@ -208,6 +210,11 @@ def _climb_text(climb: Climb, leg: Leg, pace_m: float, units: Units) -> str:
     if climb.before_m < near_m:
         return f"{text} on the last {over}"
     return f"{text} between {'steps ' if steps else ''}{begin} and {end}"
+
+
+def _quoted(label: str) -> str:
+    """A landmark in a sentence."""
+    return f"“{short_name(label)}”"
 
 
 def _metres(length_m: float) -> str:
