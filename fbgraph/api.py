@@ -125,6 +125,7 @@ def smooth(
     config: str | Path | Config | None = None,
     overrides: Sequence[str] = (),
     format_name: str | None = None,
+    max_size: int | None = None,
 ) -> Walk:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps.
 
@@ -137,12 +138,13 @@ def smooth(
         config: a preset, a TOML file or a configuration; the preset of the log's format if None.
         overrides: ``a.b=value`` strings, as ``--set`` takes them.
         format_name: of a log file; found by content if None.
+        max_size: bytes of a log file's text that are read at most; 1 GiB if None.
 
     Raises:
         ConfigError: no such preset or key.
         DataError: nothing usable in a file, no step, an anchor outside the log.
     """
-    file = _log_file(log, format_name)
+    file = _log_file(log, format_name, max_size)
     known = _places(truth)
     told = Told(
         truth=file.truth if known is None else known,
@@ -157,6 +159,7 @@ def smooth(
         anchors=Path(anchors) if isinstance(anchors, str | Path) else None,
         closed_walk=closed_walk,
         origin=told.origin,
+        max_size=max_size,
     )
     effective = _configuration(config, file.log.format, overrides)
     return _walk(reconstruct(file.log, effective, told, inputs))
@@ -242,6 +245,8 @@ class OnlineSmoother:
         """
         self._config = _configuration(config, "m5stickc", overrides)
         self._told = Told(anchors=_places(anchors), closed_walk=closed_walk)
+        if self._told.anchors is not None:
+            self._told.anchors.require_possible()
         self._walk = WalkInProgress(self._config, self._told.aids(t0_s))
         self._reader: LiveReader | None = None
         self._pieces: list[SensorLog] = []
@@ -286,13 +291,15 @@ class OnlineSmoother:
         return self._walk.feed(piece)
 
 
-def _log_file(log: str | Path | SensorLog | LogFile | pd.DataFrame, format_name: str | None) -> LogFile:
+def _log_file(
+    log: str | Path | SensorLog | LogFile | pd.DataFrame, format_name: str | None, max_size: int | None
+) -> LogFile:
     if isinstance(log, LogFile):
         return log
     if isinstance(log, SensorLog):
         return LogFile(log, None)
     if isinstance(log, str | Path):
-        return read_log(log, format_name)
+        return read_log(log, format_name, max_size)
     return read_dataframe(log)
 
 

@@ -52,7 +52,7 @@ def read_walk(
     """
     load_config(config, overrides)
     told = inputs.read_told()
-    log_file = read_log(Path(str(inputs.log)), inputs.format)
+    log_file = read_log(Path(str(inputs.log)), inputs.format, inputs.max_size)
     effective = load_config(config or preset(log_file.log.format), overrides)
     return log_file.log, effective, replace(told, truth=told.truth or log_file.truth)
 
@@ -114,6 +114,7 @@ def require_anchors_within(log: SensorLog, told: Told) -> None:
         DataError: one lies outside the log.
     """
     if told.anchors is not None:
+        told.anchors.require_possible()
         told.anchors.require_within(log.t0_s + log.acc.t_s[0], log.t0_s + log.acc.t_s[-1])
 
 
@@ -131,6 +132,7 @@ def compose(
     failed = failed or {}
     known = [*others.items(), *([] if "smoothed" in failed else [("smoothed", smoothed.trajectory)])]
     known.sort(key=lambda one: one[0] == "online")  # in the order of ``ESTIMATORS``
+    log, told = _doubted(log, told)
     truth = None if told.truth is None else told.truth.in_frame_of(told.anchors)
     return WalkResult(
         log=log,
@@ -142,6 +144,15 @@ def compose(
         told=replace(told, truth=truth),
         failed=failed,
     )
+
+
+def _doubted(log: SensorLog, told: Told) -> tuple[SensorLog, Told]:
+    """Truth where nobody can have been scores nobody, and places far from each other are told."""
+    notices = [*told.disagreements(log.duration_s)]
+    if told.truth is not None and told.truth.doubt:
+        notices.append(f"not scored: {told.truth.source}: {told.truth.doubt}")
+        told = replace(told, truth=None)
+    return (replace(log, notices=(*log.notices, *notices)) if notices else log), told
 
 
 def stand_in(ekf: Trajectory) -> Smoothed:

@@ -44,7 +44,7 @@ def repeat_run(run: Path, log_path: Path | None = None) -> WalkResult:
         if not path.exists():
             where = f"--log {path}: no such file" if log_path else f"its log {path} is not there any more"
             raise DataError(f"{run}: {where}; say where it is now with --log")
-        log_file = read_log(path, inputs.format)
+        log_file = read_log(path, inputs.format, inputs.max_size)
         log, told = log_file.log, replace(told, truth=told.truth or log_file.truth)
     if inputs.until_s is not None:
         log = log.between(-np.inf, inputs.until_s)

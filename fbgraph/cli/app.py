@@ -83,6 +83,12 @@ ReturnAtOption = Annotated[
         "--return-at", metavar="SECONDS|auto|event", help="When the way back begins; directions from then on."
     ),
 ]
+MaxSizeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--max-size", metavar="SIZE", help="Read as much text, unpacked: 500M, 2G; 1G, and no bombs, if absent."
+    ),
+]
 NoRecordingOption = Annotated[bool, typer.Option("--no-recording", help="Write no recording.rrd.")]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace the run of another log or configuration; never a live walk.")

@@ -11,6 +11,7 @@ import typer
 from fbgraph.cli.app import (
     ConfigOption,
     JsonOption,
+    MaxSizeOption,
     SetOption,
     app,
 )
@@ -91,6 +92,7 @@ def study(
         Path | None,
         typer.Option(metavar="FILE", help="What the columns are called, as in configs/forestback.toml."),
     ] = None,
+    max_size: MaxSizeOption = None,
     config: ConfigOption = None,
     set_: SetOption = None,
     as_json: JsonOption = False,
@@ -98,6 +100,7 @@ def study(
     """Reproduce the ForestBack paper's evaluation, and ours beside it: tables, figures, report."""
     import shlex
 
+    from fbgraph.core.bounded import parse_size
     from fbgraph.core.config import STUDY_TABLE, load_config
     from fbgraph.study.layout import load_layout
     from fbgraph.study.run import SIMULATED, study_files
@@ -110,10 +113,11 @@ def study(
     effective = load_config(source, [text for text in set_ or () if text not in of_layout])
     layout = load_layout(source, of_layout, mapping)
     seed = 1 if seed is None else seed
+    most = None if max_size is None else parse_size(max_size)
     folder = out or Path("studies") / (f"simulated-{seed}" if simulated else Path(dataset).name.partition(".")[0])
     command = shlex.join(["fbgraph", *sys.argv[1:]])
     with study_progress_bar() as progress:
-        result = study_files(dataset, folder, effective, layout, seed, trials, command, progress)
+        result = study_files(dataset, folder, effective, layout, seed, trials, command, progress, most)
     from fbgraph.study.report import headline, summary, table  # heavy, and by now imported
 
     if as_json:

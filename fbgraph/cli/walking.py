@@ -18,6 +18,7 @@ from fbgraph.cli.app import (
     FormatOption,
     JsonOption,
     LogArgument,
+    MaxSizeOption,
     NoRecordingOption,
     OriginOption,
     ReturnAtOption,
@@ -52,11 +53,13 @@ def smooth(
         bool,
         typer.Option("--out-and-back/--no-out-and-back", help="Look for a turn-back; tie the way back to the way out."),
     ] = True,
+    max_size: MaxSizeOption = None,
     no_recording: NoRecordingOption = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps."""
+    from fbgraph.core.bounded import parse_size
     from fbgraph.core.georeference import parse_origin
     from fbgraph.pipeline import read_walk, reconstruct, write_run
     from fbgraph.run.folder import claimed_run
@@ -64,7 +67,8 @@ def smooth(
 
     set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
     where = None if origin is None else parse_origin(origin)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where)
+    most = None if max_size is None else parse_size(max_size)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most)
     with progress_bar() as progress:
         progress("read")
         walk, effective, told = read_walk(inputs, config, set_)
@@ -103,12 +107,14 @@ def online(
     closed_loop: ClosedLoopOption = False,
     origin: OriginOption = None,
     return_at: ReturnAtOption = None,
+    max_size: MaxSizeOption = None,
     no_recording: NoRecordingOption = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """The trajectory while walking: replay a log, or follow a live device. Ctrl-C ends the walk, not the data."""
     from fbgraph import session
+    from fbgraph.core.bounded import parse_size
     from fbgraph.core.config import load_config
     from fbgraph.core.georeference import parse_origin
     from fbgraph.pipeline import read_walk, write_run
@@ -124,7 +130,8 @@ def online(
     set_ = [*(set_ or ()), *([f"returning.at={json.dumps(return_at)}"] if return_at is not None else ())]
     load_config(config, set_)  # a wrong option is told before the walk begins
     where = None if origin is None else parse_origin(origin)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where)
+    most = None if max_size is None else parse_size(max_size)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most)
     show, pace = _update_printer(follow, as_json), _speed(speed)
     stopping = _stop_on_signals()
     if source is None:

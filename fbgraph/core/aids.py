@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
-from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.checkpoints import FASTEST_M_S, SLACK_M, Checkpoints
 from fbgraph.core.georeference import Georeference
 
 
@@ -46,6 +47,19 @@ class Told:
     anchors: Checkpoints | None = None
     closed_walk: bool = False
     origin: Georeference | None = None
+
+    def disagreements(self, duration_s: float) -> list[str]:
+        """Sentences on an origin, anchors and truth that lie further apart than a walk of this duration goes."""
+        anchors, truth = (None if places is None else places.first for places in (self.anchors, self.truth))
+        known = (("the origin", self.origin), ("the first anchor", anchors), ("the truth's first place", truth))
+        there = [(name, where) for name, where in known if where is not None]
+        most_m = SLACK_M + FASTEST_M_S * duration_s
+        return [
+            f"{name} ({where.lat_deg:.6f}, {where.lon_deg:.6f}) and {other} ({its.lat_deg:.6f}, {its.lon_deg:.6f}) "
+            f"are {where.apart_m(its) / 1e3:.4g} km apart: one of them is wrong"
+            for (name, where), (other, its) in combinations(there, 2)
+            if where.apart_m(its) > most_m
+        ]
 
     def aids(self, t0_s: float) -> Aids:
         """What an estimator gets of it.

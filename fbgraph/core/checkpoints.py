@@ -8,16 +8,21 @@ CSV, with a header, on the log's own clock: ``t_s,x_m,y_m[,z_m][,floor][,sigma_m
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fbgraph.core.bounded import LONGEST_LINE, MOST_COLUMNS, PLACES_BYTES, small_file
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
-from fbgraph.core.georeference import Georeference
+from fbgraph.core.georeference import Georeference, along_ground_m
 
 _SLACK_S = 5.0
+FASTEST_M_S, SLACK_M = 12.5, 1000.0  # nobody runs faster, and no survey is further off
+_MOST_ANCHORS = 20_000
+_MOST_PLACES = 2_000_000  # 48 h at 10 Hz are fewer
 _ALIASES = {"t_app_s": "t_s", "east_m": "x_m", "north_m": "y_m", "up_m": "z_m"}
 
 
@@ -33,6 +38,7 @@ class Checkpoints:
         sigma_m: (M,) standard deviation of x and y, nan where not given.
         source: where they came from, for messages.
         georeference: where on Earth the local frame lies, None if nobody knows.
+        doubt: why nobody can have been at all of them; empty if somebody can.
     """
 
     t_s: FloatArray
@@ -43,6 +49,7 @@ class Checkpoints:
     sigma_m: FloatArray
     source: str = ""
     georeference: Georeference | None = None
+    doubt: str = ""
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -51,6 +58,13 @@ class Checkpoints:
     def xy_m(self) -> FloatArray:
         """(M, 2)."""
         return np.column_stack((self.x_m, self.y_m))
+
+    @property
+    def first(self) -> Georeference | None:
+        """Where on Earth the first of them is, if that is known."""
+        if self.georeference is None or len(self) == 0:
+            return None
+        return self.georeference.moved(float(self.x_m[0]), float(self.y_m[0]))
 
     def require_within(self, start_s: float, end_s: float) -> None:
         """Refuse places of another log or clock.
@@ -67,6 +81,17 @@ class Checkpoints:
                 f"{self.source}: the anchor at {self.t_s[outside[0]]:.1f} s lies outside the log "
                 f"({start_s:.1f} to {end_s:.1f} s): another log's, or another clock"
             )
+
+    def require_possible(self) -> None:
+        """Refuse anchors where nobody can have been, or more of them than a walk has.
+
+        Raises:
+            DataError: naming the rows.
+        """
+        if self.doubt:
+            raise DataError(f"{self.source}: {self.doubt}")
+        if len(self) > _MOST_ANCHORS:
+            raise DataError(f"{self.source}: {len(self)} anchors, the limit is {_MOST_ANCHORS}; name fewer")
 
     def since(self, t0_s: float) -> Checkpoints:
         """The same places, their times in seconds since ``t0_s``."""
@@ -95,8 +120,14 @@ def checkpoints(
     sigma_m: FloatArray | None = None,
     source: str = "",
     georeference: Georeference | None = None,
+    lat_lon_deg: FloatArray | None = None,
 ) -> Checkpoints:
-    """Checkpoints in order of time, with nan for what is not known."""
+    """Checkpoints in order of time, with nan for what is not known.
+
+    Args:
+        t_s, x_m, y_m, z_m, floor, sigma_m, source, georeference: as in ``Checkpoints``.
+        lat_lon_deg: (M, 2) the same places on Earth, where they were told so.
+    """
     order = np.argsort(t_s, kind="stable")
 
     def column(values: FloatArray | None) -> FloatArray:
@@ -112,6 +143,34 @@ def checkpoints(
         sigma_m=column(sigma_m),
         source=source,
         georeference=georeference,
+        doubt=_impossible(order, column(t_s), np.column_stack((x_m, y_m))[order], column(sigma_m), lat_lon_deg),
+    )
+
+
+def _impossible(
+    order: IntArray, t_s: FloatArray, xy_m: FloatArray, sigma_m: FloatArray, lat_lon_deg: FloatArray | None
+) -> str:
+    """The two places between which nobody can have gone in the time, by their rows in the file; else empty."""
+    if len(t_s) < 2:
+        return ""
+    places, digits, unit = xy_m, 2, " m"
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart_m = np.hypot(*np.diff(xy_m, axis=0).T)
+        if lat_lon_deg is not None:
+            places, digits, unit = lat_lon_deg[order], 6, "°"
+            apart_m = along_ground_m(*places.T)
+        unsure_m = 3.0 * np.nan_to_num(sigma_m, nan=0.0)
+        most_m = SLACK_M + FASTEST_M_S * np.diff(t_s) + unsure_m[:-1] + unsure_m[1:]
+        far = np.flatnonzero(~(apart_m <= most_m))
+    if len(far) == 0:
+        return ""
+    k = int(far[0])
+    seconds = float(t_s[k + 1] - t_s[k])
+    first, second = (f"{', '.join(f'{number:.{digits}f}' for number in places[i].tolist())}{unit}" for i in (k, k + 1))
+    speed = f", which is {apart_m[k] / seconds:.3g} m/s" if seconds > 0.0 else ""
+    return (
+        f"from row {order[k] + 1} ({first}) to row {order[k + 1] + 1} ({second}) it is {apart_m[k] / 1e3:.4g} km "
+        f"in {seconds:.4g} s{speed}: nobody can; check both rows' places and times"
     )
 
 
@@ -123,9 +182,10 @@ def read_checkpoints(path: str | Path) -> Checkpoints:
     """
     import pandas as pd  # here, because it takes a second to import
 
+    data = _read_places(Path(path))
     try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except (OSError, ValueError) as error:  # pandas' parser and decoding errors are ValueErrors
+        table = pd.read_csv(BytesIO(data), comment="#", skipinitialspace=True)
+    except ValueError as error:  # pandas' parser and decoding errors are ValueErrors
         raise DataError(f"{path}: not a readable checkpoint CSV: {str(error).splitlines()[0]}") from error
     table = table.rename(columns={name: _ALIASES.get(name.strip(), name.strip()) for name in table.columns})
     on_earth = {"lat_deg", "lon_deg"} <= set(table.columns)
@@ -146,6 +206,11 @@ def read_checkpoints(path: str | Path) -> Checkpoints:
                 row = int(np.flatnonzero(~np.isfinite(values))[0])
                 raise DataError(f"{path}: row {row + 1} after the header: {name} is not a number")
             columns[name] = values
+    for name, most in (("lat_deg", 90.0), ("lon_deg", 180.0)):
+        outside = np.flatnonzero(np.abs(columns.get(name, np.empty(0))) > most)
+        if len(outside):
+            row, value = int(outside[0]), columns[name][outside[0]]
+            raise DataError(f"{path}: row {row + 1} after the header: {name} {value:g} is not within ±{most:g}")
     return checkpoints(**_placed(columns), source=str(path))
 
 
@@ -157,8 +222,27 @@ def _placed(columns: dict[str, FloatArray]) -> dict[str, Any]:
     first = Georeference(float(lat_deg[0]), float(lon_deg[0]))
     if "x_m" in columns and "y_m" in columns:
         return {**columns, "georeference": first.moved(-columns["x_m"][0], -columns["y_m"][0])}
-    x_m, y_m = first.local_m(np.column_stack((lat_deg, lon_deg))).T
-    return {**columns, "x_m": x_m, "y_m": y_m, "georeference": first}
+    lat_lon_deg = np.column_stack((lat_deg, lon_deg))
+    x_m, y_m = first.local_m(lat_lon_deg).T
+    return {**columns, "x_m": x_m, "y_m": y_m, "georeference": first, "lat_lon_deg": lat_lon_deg}
+
+
+def _read_places(path: Path) -> bytes:
+    """The bytes of a table of places.
+
+    Raises:
+        DataError: it cannot be read, or is larger, longer or wider than any such table.
+    """
+    data = small_file(path, PLACES_BYTES, "checkpoint CSV")
+    if (rows := data.count(b"\n")) > _MOST_PLACES:
+        raise DataError(f"{path}: {rows} lines, the limit of a checkpoint CSV is {_MOST_PLACES}")
+    for line in data.split(b"\n"):
+        if len(line) > LONGEST_LINE or (len(line) >= MOST_COLUMNS and line.count(b",") >= MOST_COLUMNS):
+            raise DataError(
+                f"{path}: a line of {len(line)} bytes and {line.count(b',') + 1} columns; "
+                f"the limits of a checkpoint CSV are {LONGEST_LINE} and {MOST_COLUMNS}"
+            )
+    return data
 
 
 def anchor_breadcrumbs(anchors: Checkpoints, t_s: FloatArray) -> IntArray:
@@ -168,4 +252,7 @@ def anchor_breadcrumbs(anchors: Checkpoints, t_s: FloatArray) -> IntArray:
         anchors: on the clock of ``t_s``.
         t_s: (K+1,) times of the breadcrumbs.
     """
-    return np.asarray(np.abs(t_s[None, :] - anchors.t_s[:, None]).argmin(axis=1))
+    after = np.minimum(np.searchsorted(t_s, anchors.t_s), len(t_s) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(t_s[before] - anchors.t_s) <= np.abs(t_s[after] - anchors.t_s), before, after)
+    return np.asarray(np.searchsorted(t_s, t_s[nearest]))  # the first of equal times

@@ -7,6 +7,7 @@ effective configuration is written into every run as ``config.toml``. Presets in
 from __future__ import annotations
 
 import math
+import reprlib
 import tomllib
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
@@ -17,13 +18,16 @@ from typing import Annotated, Any, TypeVar
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from fbgraph.core.errors import ConfigError
+from fbgraph.core.bounded import CONFIG_BYTES, small_file
+from fbgraph.core.errors import ConfigError, DataError
 
 # bounds keep out what no walk needs and no computer could do; within them anything may be tried
 Positive = Annotated[float, Field(gt=0, le=1e4)]
 NonNegative = Annotated[float, Field(ge=0, le=1e4)]
 Coefficient = Annotated[float, Field(ge=-100.0, le=100.0)]
 Seconds = Annotated[float, Field(gt=0, le=3600.0)]
+BriefSeconds = Annotated[float, Field(gt=0, le=10.0)]
+"""No longer than the front end remembers."""
 Metres = Annotated[float, Field(gt=0, le=10.0)]
 """Of a step."""
 Sigma = Annotated[float, Field(ge=1e-6, le=1e4)]
@@ -36,6 +40,8 @@ class Section(BaseModel):
 
 
 SectionT = TypeVar("SectionT", bound=Section)
+_SHOWN = reprlib.Repr()
+_SHOWN.maxstring = _SHOWN.maxother = 80
 STUDY_TABLE = "dataset"
 """The table of a configuration file that says how a data set of trials is laid out; see ``study.layout``."""
 
@@ -86,7 +92,7 @@ class StepsConfig(Section):
     """λ of the paper."""
     min_interval_s: Seconds = 0.33
     """Refractory interval T_min."""
-    max_interval_s: Seconds = 1.2
+    max_interval_s: BriefSeconds = 1.2
     """A longer interval between peaks is a pause, not a step."""
     min_rise_m_s2: Positive = 0.8
     """A maximum must stand this far above the valley before it."""
@@ -96,7 +102,7 @@ class StepsConfig(Section):
     """A device that tilts faster than this on average over a step is being shaken, not carried."""
     max_wobble_rad: Positive = 1.3
     """A device whose yaw goes back and forth by more than this within two seconds is being shaken, not carried."""
-    spin_window_s: Seconds = 3.0
+    spin_window_s: BriefSeconds = 3.0
     max_spin_rad: Positive = 4.2
     """Who turns further than this within spin_window_s turns on the spot."""
 
@@ -316,7 +322,7 @@ def validated(model: type[SectionT], values: Mapping[str, Any], source: str) -> 
         path = ".".join(str(part) for part in first["loc"])
         if first["type"] == "extra_forbidden":
             raise ConfigError(f"{source}: unknown key {path!r}; `fbgraph config` prints all keys") from error
-        raise ConfigError(f"{source}: {path}: {first['msg']} (got {first['input']!r})") from error
+        raise ConfigError(f"{source}: {path}: {first['msg']} (got {_SHOWN.repr(first['input'])})") from error
 
 
 def dump_toml(config: Config) -> str:
@@ -334,10 +340,10 @@ def read_tables(source: str) -> dict[str, Any]:
         if source in preset_names():
             text = (preset_folder() / f"{source}.toml").read_text("utf-8")
         else:
-            text = Path(source).read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+            text = small_file(Path(source), CONFIG_BYTES, "configuration").decode("utf-8")
+    except (DataError, UnicodeDecodeError) as error:
         raise ConfigError(
-            f"--config {source}: neither a preset ({', '.join(preset_names())}) nor a readable file"
+            f"--config {source}: neither a preset ({', '.join(preset_names())}) nor a readable file ({error})"
         ) from error
     return parse_toml(text, f"--config {source}")
 
@@ -381,5 +387,5 @@ def _put(values: dict[str, Any], path: str, value: Any) -> None:
 def _parse_value(text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text

@@ -27,7 +27,7 @@ class StepDetector:
         smoothing = max(round(config.smoothing_s * rate_hz), 1)
         self._smooth = WindowMoments(1, smoothing)
         self._delay = (smoothing - 1) // 2  # of a moving average over the past
-        self._window = WindowMoments(1, round(config.window_s * rate_hz))
+        self._window = WindowMoments(1, max(round(config.window_s * rate_hz), 1))
         self._past = _Past()
         self._pending: list[int] = []
         self._walking = False

@@ -1,7 +1,7 @@
 """Readers: one format a file, found by content or named by ``--format``.
 
 A reader is a module with ``NAME``, ``DESCRIPTION`` (one line), ``EXAMPLE`` (a few lines of such a log), ``PRESET``
-(the configuration for the devices that write it), ``detects(head) -> bool`` and ``read(path) -> RawLog``. To add one,
+(the configuration for the devices that write it), ``detects(head) -> bool`` and ``read(source) -> RawLog``. To add one,
 write the module and list it in ``FORMATS``; modules are imported only when asked for.
 """
 
@@ -12,7 +12,8 @@ from pathlib import Path
 from types import ModuleType
 
 from fbgraph.core.errors import ConfigError, DataError
-from fbgraph.readers.base import LogFile, assemble, open_text
+from fbgraph.readers.base import LogFile, assemble
+from fbgraph.readers.log_text import LogText, log_text
 
 FORMATS = ("getsensordata", "indoor_location", "m5stickc")
 """In the order in which detection asks them; the plain CSV last."""
@@ -36,14 +37,16 @@ def preset(format_name: str) -> str:
     return str(reader(format_name).PRESET)
 
 
-def detect(path: Path) -> str:
-    """Name of the format of a file, by its content.
+def detect(source: Path | LogText) -> str:
+    """Name of the format of a log, by its content.
 
     Raises:
         DataError: unreadable, empty, binary, or no reader knows it.
     """
-    with open_text(path) as stream:
-        head = stream.read(_HEAD_CHARS)
+    text = log_text(source)
+    path, head = text.source, text.head(_HEAD_CHARS)
+    if not head.strip() and text.too_long:
+        raise DataError(f"{path}: not a log: it holds nothing but lines of more than 64 KiB")
     if not head.strip():
         raise DataError(f"{path}: the file is empty; record or copy it again")
     for name in FORMATS:
@@ -55,17 +58,24 @@ def detect(path: Path) -> str:
     raise DataError(f"{path}: unknown format (it begins {first!r}); `fbgraph formats` lists what can be read")
 
 
-def read_log(path: str | Path, format_name: str | None = None) -> LogFile:
+def read_log(path: str | Path, format_name: str | None = None, max_size: int | None = None) -> LogFile:
     """Read a log, and the truth its file may carry.
 
     Args:
-        path: a log file, gzipped or not.
+        path: a log file or pipe, gzipped or not; it is read once.
         format_name: one of ``FORMATS``; found by content if None.
+        max_size: bytes of text that are read at most; 1 GiB if None, and no .gz that grows as none of a walk does.
 
     Raises:
         DataError: nothing usable; the message says why.
         ConfigError: no such format.
     """
     path = Path(path)
-    name = format_name or detect(path)
-    return assemble(reader(name).read(path), path, name)
+    chosen = None if format_name is None else reader(format_name)
+    text = log_text(path, max_size)
+    name = format_name or detect(text)
+    raw = (chosen or reader(name)).read(text)
+    if text.too_long:
+        raw.counts["lines_too_long"] = text.too_long
+        raw.notices.append(f"{text.too_long} lines of more than 64 KiB left out: no rows of a log")
+    return assemble(raw, path, name)

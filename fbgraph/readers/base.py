@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from bisect import bisect_left
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
@@ -65,27 +60,6 @@ class LogFile:
 
     log: SensorLog
     truth: Checkpoints | None
-
-
-@contextmanager
-def open_text(path: Path) -> Iterator[IO[str]]:
-    """Open a log, gzipped or not, as latin-1 text (which every byte decodes to).
-
-    Raises:
-        DataError: the path is missing, a directory, cannot be opened, or is a damaged or truncated .gz.
-    """
-    if path.is_dir():
-        raise DataError(f"{path}: is a directory, not a log file; name one file in it")
-    try:
-        with open(path, "rb") as peek:
-            gzipped = peek.read(2) == b"\x1f\x8b"
-        opener = gzip.open if gzipped else open
-        with opener(path, "rt", encoding="latin-1", newline=None) as stream:
-            yield stream
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise DataError(f"{path}: the .gz is truncated or damaged ({error}); copy it again") from error
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror or error}; check the path") from error
 
 
 def log_name(path: Path) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from itertools import repeat
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fbgraph.core.bounded import MOST_COLUMNS
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
@@ -113,12 +114,13 @@ class Columns:
     @classmethod
     def names_gyroscope(cls, line: str) -> bool:
         """Whether a header names a gyroscope, accelerometer or not."""
-        return "gyro" in cls._recognise(line)[1]
+        return "gyro" in cls._recognise(",".join(line.split(",", MOST_COLUMNS)[:MOST_COLUMNS]))[1]
 
     @staticmethod
     def _recognise(line: str) -> tuple[tuple[str, ...], dict[str, tuple[int, ...]], dict[str, float]]:
-        """All names, which columns hold which quantity, and the scales that the names tell."""
-        names = tuple(line.rstrip("\r\n").split(","))
+        """All names, which columns hold which quantity, and the scales that names tell; nothing of endless lines."""
+        names = tuple(line.rstrip("\r\n").split(",", MOST_COLUMNS))
+        names = names if len(names) <= MOST_COLUMNS else ()
         found: dict[str, dict[str, int]] = {}
         scale: dict[str, float] = {}
         for i, name in enumerate(names):
@@ -160,32 +162,49 @@ class Columns:
             lines: data lines, with or without line ends. An ``event`` in the last column may be left out.
             first_row: lines that came before, for logs without any time or counter column.
         """
-        commas = {len(self.names) - 1}
-        if self.where.get("event") == (len(self.names) - 1,):
-            commas.add(len(self.names) - 2)
-        counts = np.fromiter(map(str.count, lines, repeat(",")), dtype=np.int64, count=len(lines))
-        whole = np.flatnonzero(np.isin(counts, list(commas)))
-        if len(whole) < len(lines):
-            lines = [lines[i] for i in whole.tolist()]
+        return self.parse_pieces([lines], first_row)
+
+    def parse_pieces(self, pieces: Iterable[Sequence[str]], first_row: int = 0) -> Rows:
+        """The same of lines that come in pieces, of which no more than a block is held."""
         t: list[NDArray[Any]] = [np.empty(0, dtype=np.int64)]
         numbers = [np.empty((0, len(self._fields)))]
         events: list[tuple[int, str]] = []
-        done = 0
-        for at in range(0, len(lines), _BLOCK):
-            block = lines[at : at + _BLOCK]
+        done = seen = 0
+        for block, at, lines in self._blocks(pieces):
+            seen = lines
             try:
                 parse = self._parse_many if len(block) > 100 else self._parse_few
                 good, t_block, numbers_block, texts = parse(block)
             except OverflowError:  # pandas meets a number of hundreds of digits
                 good, t_block, numbers_block, texts = self._parse_few(block)
-            t.append(t_block if "time" in self.where else first_row + whole[at + good])
+            t.append(t_block if "time" in self.where else first_row + at[good])
             numbers.append(numbers_block)
             events += [(done + i, text.strip()) for i, text in texts if text.strip()]
             done += len(good)
         widths = np.cumsum([len(self.where[sensor]) for sensor in self._sensors])
         values = dict(zip(self._sensors, np.split(np.concatenate(numbers), widths[:-1], axis=1), strict=True))
-        bad = len(counts) - done
+        bad = seen - done
         return Rows(np.concatenate(t), values, events, {"lines_unreadable": bad} if bad else {})
+
+    def _blocks(self, pieces: Iterable[Sequence[str]]) -> Iterator[tuple[list[str], IntArray, int]]:
+        """Lines with the right number of fields, where they are among all lines, and how many were seen so far."""
+        commas = {len(self.names) - 1}
+        if self.where.get("event") == (len(self.names) - 1,):
+            commas.add(len(self.names) - 2)
+        held: list[str] = []
+        held_at = np.empty(0, dtype=np.int64)
+        seen = 0
+        for lines in pieces:
+            counts = np.fromiter(map(str.count, lines, repeat(",")), dtype=np.int64, count=len(lines))
+            whole = np.flatnonzero(np.isin(counts, list(commas)))
+            held += lines if len(whole) == len(lines) else [lines[i] for i in whole.tolist()]
+            held_at = np.concatenate((held_at, seen + whole))
+            seen += len(lines)
+            done = len(held) // _BLOCK * _BLOCK
+            for at in range(0, done, _BLOCK):
+                yield held[at : at + _BLOCK], held_at[at : at + _BLOCK], seen
+            held, held_at = held[done:], held_at[done:]
+        yield held, held_at, seen
 
     def settled(self, rows: Rows) -> tuple[Columns, list[str]]:
         """These columns with every unit known, judging by the rows where names leave it open, and what was assumed.

@@ -8,13 +8,16 @@ end, while single app times are up to 60 ms late. (Only the barometer's steps, b
 
 from __future__ import annotations
 
+from array import array
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.georeference import Georeference
-from fbgraph.readers.base import RawLog, RawStream, open_text, to_ns
+from fbgraph.readers.base import RawLog, RawStream, to_ns
+from fbgraph.readers.log_text import LogText, log_text
 
 NAME = "getsensordata"
 PRESET = "phone"
@@ -37,34 +40,22 @@ def detects(head: str) -> bool:
     return any(line.startswith(tuple(f"{tag};" for tag in _TAGS)) for line in head.splitlines())
 
 
-def read(path: Path) -> RawLog:
+def read(source: Path | LogText) -> RawLog:
     """Read one log.
 
     Raises:
         DataError: the file cannot be read.
     """
     raw = RawLog()
-    rows: dict[str, list[list[str]]] = {tag: [] for tag in (*_TAGS, "POSI")}
-    bad = 0
-    with open_text(path) as stream:
-        for line in stream:
-            tag, _, rest = line.partition(";")
-            if tag in rows:
-                rows[tag].append(rest.split(";"))
+    text = log_text(source)
+    tables, places, bad = _tables(text)
     for tag, (name, width) in _TAGS.items():
-        table = []
-        for fields in rows[tag]:
-            try:
-                fields[2 + width]  # the accuracy: a line without it may have been cut in the middle of a number
-                table.append([float(value) for value in fields[: 2 + width]])
-            except (ValueError, IndexError):
-                bad += 1
-        array = np.asarray(table).reshape(-1, 2 + width)
-        dated = np.isfinite(array[:, :2]).all(axis=1)
+        table = np.array(tables[tag], dtype=float).reshape(-1, 2 + width)
+        dated = np.isfinite(table[:, :2]).all(axis=1)
         bad += int((~dated).sum())
         if not dated.any():
             continue
-        app_s, sensor_s, values = array[dated, 0], array[dated, 1], array[dated, 2:]
+        app_s, sensor_s, values = table[dated, 0], table[dated, 1], table[dated, 2:]
         offset_s = app_s - sensor_s
         tenth = -(-len(offset_s) // 10)
         drift_s = float(np.median(offset_s[-tenth:]) - np.median(offset_s[:tenth]))
@@ -76,23 +67,41 @@ def read(path: Path) -> RawLog:
         raw.streams[name] = RawStream(to_ns(sensor_s + np.median(offset_s), 1_000_000_000), values)
     if bad:
         raw.counts["lines_unreadable"] = bad
-    raw.truth = _truth(rows["POSI"], path)
+    raw.truth = _truth(places, text.source)
     return raw
 
 
-def _truth(rows: list[list[str]], path: Path) -> Checkpoints | None:
-    """POSI lines as checkpoints, metres East and North of the first; None if there are none."""
-    table = []
-    for fields in rows:
-        try:
-            row = [float(fields[i]) for i in (0, 2, 3, 4)]
-        except (ValueError, IndexError):
-            continue
-        if np.isfinite(row).all() and abs(row[1]) <= 90.0:
-            table.append(row)
-    if not table:
+def _tables(text: LogText) -> tuple[dict[str, array[float]], array[float], int]:
+    """Numbers of the sensors' lines, and of the POSI lines, row by row; how many lines were unreadable."""
+    tables: dict[str, array[float]] = {tag: array("d") for tag in _TAGS}
+    places = array("d")
+    bad = 0
+    for lines in text.lines():
+        for line in lines:
+            tag, _, rest = line.partition(";")
+            if tag in _TAGS:
+                width, fields = _TAGS[tag][1], rest.split(";")
+                try:
+                    fields[2 + width]  # the accuracy: a line without it may have been cut in the middle of a number
+                    tables[tag].extend([float(value) for value in fields[: 2 + width]])
+                except (ValueError, IndexError):
+                    bad += 1
+            elif tag == "POSI":
+                with suppress(ValueError, IndexError):
+                    fields = rest.split(";")
+                    places.extend([float(fields[i]) for i in (0, 2, 3, 4)])
+    return tables, places, bad
+
+
+def _truth(places: array[float], path: Path) -> Checkpoints | None:
+    """POSI lines (time, latitude, longitude, floor) as checkpoints, metres East and North of the first, if any."""
+    table = np.array(places, dtype=float).reshape(-1, 4)
+    table = table[np.isfinite(table).all(axis=1) & (np.abs(table[:, 1]) <= 90.0)]
+    if len(table) == 0:
         return None
-    t_s, lat_deg, lon_deg, floor = np.asarray(table).T
+    t_s, lat_deg, lon_deg, floor = table.T
     first = Georeference(float(lat_deg[0]), float(lon_deg[0]))
-    x_m, y_m = first.local_m(np.column_stack((lat_deg, lon_deg))).T
-    return checkpoints(t_s, x_m, y_m, floor=floor, source=f"{path} (POSI)", georeference=first)
+    lat_lon_deg = np.column_stack((lat_deg, lon_deg))
+    x_m, y_m = first.local_m(lat_lon_deg).T
+    source = f"{path} (POSI)"
+    return checkpoints(t_s, x_m, y_m, floor=floor, source=source, georeference=first, lat_lon_deg=lat_lon_deg)

@@ -6,12 +6,14 @@ ones repeat them.
 
 from __future__ import annotations
 
+from array import array
 from pathlib import Path
 
 import numpy as np
 
 from fbgraph.core.checkpoints import checkpoints
-from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, open_text
+from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream
+from fbgraph.readers.log_text import LogText, log_text
 
 NAME = "indoor_location"
 PRESET = "phone"
@@ -39,17 +41,37 @@ def detects(head: str) -> bool:
     return "\tTYPE_" in head
 
 
-def read(path: Path) -> RawLog:
+def read(source: Path | LogText) -> RawLog:
     """Read one trace.
 
     Raises:
         DataError: the file cannot be read.
     """
     raw = RawLog()
-    rows: dict[str, list[tuple[int, list[float]]]] = {name: [] for name, _, _ in _TAGS.values()}
+    text = log_text(source)
+    times, values, bad = _tables(text)
+    if bad:
+        raw.counts["lines_unreadable"] = bad
+    for name, width, _ in _TAGS.values():
+        if not times[name]:
+            continue
+        t_ns = np.array(times[name], dtype=np.int64) * _TICK_NS
+        values_si = np.array(values[name], dtype=float).reshape(-1, width)
+        if name != "waypoint":
+            raw.streams[name] = RawStream(t_ns, values_si)
+        elif (known := np.isfinite(values_si).all(axis=1)).any():
+            x_m, y_m = values_si[known].T
+            raw.truth = checkpoints(t_ns[known] * 1e-9, x_m, y_m, source=f"{text.source} (TYPE_WAYPOINT)")
+    return raw
+
+
+def _tables(text: LogText) -> tuple[dict[str, array[int]], dict[str, array[float]], int]:
+    """Times and numbers by stream, row by row, and how many lines were unreadable."""
+    times: dict[str, array[int]] = {name: array("q") for name, _, _ in _TAGS.values()}
+    numbers: dict[str, array[float]] = {name: array("d") for name, _, _ in _TAGS.values()}
     bad = 0
-    with open_text(path) as stream:
-        for line in stream:
+    for lines in text.lines():
+        for line in lines:
             t_ms, _, rest = line.partition("\t")
             tag, _, values = rest.partition("\t")
             if tag not in _TAGS:
@@ -57,24 +79,13 @@ def read(path: Path) -> RawLog:
             name, width, least = _TAGS[tag]
             fields = values.split("\t")
             try:
-                row = (int(t_ms), [float(value) for value in fields[:width]])
+                t, row = int(t_ms), [float(value) for value in fields[:width]]
             except ValueError:
                 bad += 1
                 continue
-            if len(fields) >= least and abs(row[0]) <= MAX_T_NS // _TICK_NS:
-                rows[name].append(row)
+            if len(fields) >= least and abs(t) <= MAX_T_NS // _TICK_NS:
+                times[name].append(t)
+                numbers[name].extend(row)
             else:
                 bad += 1
-    if bad:
-        raw.counts["lines_unreadable"] = bad
-    for name, table in rows.items():
-        if not table:
-            continue
-        t_ns = np.asarray([t for t, _ in table], dtype=np.int64) * _TICK_NS
-        values_si = np.asarray([v for _, v in table])
-        if name != "waypoint":
-            raw.streams[name] = RawStream(t_ns, values_si)
-        elif (known := np.isfinite(values_si).all(axis=1)).any():
-            x_m, y_m = values_si[known].T
-            raw.truth = checkpoints(t_ns[known] * 1e-9, x_m, y_m, source=f"{path} (TYPE_WAYPOINT)")
-    return raw
+    return times, numbers, bad

@@ -12,14 +12,18 @@ When the device restarts its clock the rows go on one step after the last one.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
 
+from fbgraph.core.bounded import MOST_COLUMNS
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import IntArray
-from fbgraph.readers.base import RawLog, RawStream, drop_repeats, open_text
+from fbgraph.readers.base import RawLog, RawStream, drop_repeats
 from fbgraph.readers.columns import CANONICAL, Columns, Rows
+from fbgraph.readers.log_text import LogText, log_text
 
 NAME = "m5stickc"
 PRESET = "m5stickc"
@@ -30,12 +34,13 @@ EXAMPLE = f"""\
 10260,0.015,-0.031,1.002,1.10,-0.55,0.37,,,,,,button
 """
 _HEAD_LINES, _LATEST_HEADER = 50, 1000
+_MOST_NAMES = 100_000  # looked at in search of a header; a thousand lines of a log hold a sixth of them
 _RESTART_NS = 1_000_000_000
 
 
 def detects(head: str) -> bool:
     """Whether the beginning of a file is of this format."""
-    lines = _data_lines(head)
+    lines = _data_lines(head.split("\n"))
     # a header with a gyroscope only is of this kind too: reading it then says what it lacks
     return find_columns(lines) is not None or any(Columns.names_gyroscope(line) for line in lines[:_HEAD_LINES])
 
@@ -45,7 +50,11 @@ def find_columns(lines: list[str]) -> Columns | None:
 
     Many devices print what they boot before they log, so that a header may come late.
     """
+    looked_at = 0
     for line in lines[:_LATEST_HEADER]:
+        looked_at += line.count(",")
+        if looked_at > _MOST_NAMES:
+            break
         if columns := Columns.from_header(line):
             return columns
     head = lines[:_HEAD_LINES]
@@ -54,43 +63,33 @@ def find_columns(lines: list[str]) -> Columns | None:
     return Columns.from_header(",".join(names)) if votes > len(head) / 2 else None
 
 
-def read(path: Path) -> RawLog:
+def read(source: Path | LogText) -> RawLog:
     """Read one log.
 
     Raises:
-        DataError: the file cannot be read, has no header and no canonical rows, or units nobody can guess.
+        DataError: it cannot be read, has no header and no canonical rows, or units nobody can guess.
     """
-    with open_text(path) as stream:
-        return read_text(stream.read(), str(path))
-
-
-def read_text(text: str, source: str) -> RawLog:
-    """Read the text of one log.
-
-    Args:
-        text: its lines.
-        source: where it came from, for messages.
-
-    Raises:
-        DataError: it has no header and no canonical rows, or units nobody can guess.
-    """
-    lines = _data_lines(text)
-    columns = find_columns(lines)
+    text = log_text(source)
+    head = list(islice(chain.from_iterable(map(_data_lines, text.lines())), _LATEST_HEADER))
+    columns = find_columns(head)
     if columns is None:
-        raise DataError(f"{source}: no line names accelerometer columns; the header should be like {CANONICAL}")
+        widest = max((line.count(",") + 1 for line in head), default=0)
+        if widest > MOST_COLUMNS:
+            raise DataError(f"{text.source}: a line of {widest} columns, of which a log has {MOST_COLUMNS} at most")
+        raise DataError(f"{text.source}: no line names accelerometer columns; the header should be like {CANONICAL}")
     header = ",".join(columns.names)
-    data = [line for line in lines if line != header]
-    rows = columns.parse(data)
+    headers: Counter[str] = Counter()
+    rows = columns.parse_pieces(_without_header(text, header, headers))
     try:
         columns, assumed = columns.settled(rows)
     except DataError as error:
-        raise DataError(f"{source}: {error}") from error
+        raise DataError(f"{text.source}: {error}") from error
     rows = columns.convert(rows)
     raw = RawLog(notices=assumed, counts=dict(rows.counts))
-    if len(data) == len(lines):
+    if not headers[header]:
         raw.notices.insert(0, f"no header: columns taken as {header}")
-    elif len(lines) - len(data) > 1:
-        raw.counts["headers_repeated"] = len(lines) - len(data) - 1
+    elif headers[header] > 1:
+        raw.counts["headers_repeated"] = headers[header] - 1
     t_ns, restarts = continue_restarts(rows.t.astype(np.int64))
     if restarts:
         raw.counts["clock_restarts"] = restarts
@@ -109,9 +108,22 @@ def read_text(text: str, source: str) -> RawLog:
     return raw
 
 
-def _data_lines(text: str) -> list[str]:
-    """The lines that are neither blank nor comments. (Not splitlines, which also breaks at control characters.)"""
-    return [line for line in text.split("\n") if line and line[0] != "#"]
+def read_text(text: str, source: str) -> RawLog:
+    """Read the text of one log, from ``source``; as ``read``."""
+    return read(LogText(Path(source), (text,)))
+
+
+def _data_lines(lines: list[str]) -> list[str]:
+    """Those that are neither blank nor comments."""
+    return [line for line in lines if line and line[0] != "#"]
+
+
+def _without_header(text: LogText, header: str, headers: Counter[str]) -> Iterator[list[str]]:
+    """The data lines, a piece at a time; the header, wherever it stands, is counted."""
+    for lines in map(_data_lines, text.lines()):
+        data = [line for line in lines if line != header]
+        headers[header] += len(lines) - len(data)
+        yield data
 
 
 def continue_restarts(t_ns: IntArray) -> tuple[IntArray, int]:

@@ -131,7 +131,8 @@ def require_replaceable(place: Path, made_by: tuple[RunInputs, Config] | None = 
         return
     inputs, config = made_by
     if noted.get("log") != inputs.log:
-        raise ConfigError(f"--out {place}: holds the run of {noted.get('log')}; name another, or --force replaces it")
+        other = noted.get("log") or "a log that was no file"
+        raise ConfigError(f"--out {place}: holds the run of {other}; name another, or --force replaces it")
     if not (place / "config.toml").is_file() or (place / "config.toml").read_text("utf-8") != dump_toml(config):
         raise ConfigError(
             f"--out {place}: holds a run with another configuration; name another, or --force replaces it"

@@ -25,6 +25,7 @@ class RunInputs:
         origin: latitude and longitude of its start, degrees.
         online_chunk_s: length of the pieces in which it was fed to the online smoother; None if it was not.
         until_s: seconds since log start at which a replay was stopped; None if it was not.
+        max_size: bytes of the log's text that may be read; None for what any walk keeps within.
     """
 
     log: str | None = None
@@ -35,6 +36,7 @@ class RunInputs:
     origin: tuple[float, float] | None = None
     online_chunk_s: float | None = None
     until_s: float | None = None
+    max_size: int | None = None
 
     @staticmethod
     def of(
@@ -44,15 +46,17 @@ class RunInputs:
         anchors: Path | None = None,
         closed_walk: bool = False,
         origin: Georeference | None = None,
+        max_size: int | None = None,
     ) -> RunInputs:
         """What somebody named; paths are kept so that they hold from anywhere."""
         return RunInputs(
-            log=None if log is None else str(log.resolve()),
+            log=_lasting(log),
             format=format_name,
-            truth=None if truth is None else str(truth.resolve()),
-            anchors=None if anchors is None else str(anchors.resolve()),
+            truth=_lasting(truth),
+            anchors=_lasting(anchors),
             closed_walk=closed_walk,
             origin=None if origin is None else (origin.lat_deg, origin.lon_deg),
+            max_size=max_size,
         )
 
     @staticmethod
@@ -73,8 +77,12 @@ class RunInputs:
         return RunInputs(**{**known, "origin": None if origin is None else (float(origin[0]), float(origin[1]))})
 
     def as_dict(self) -> dict[str, Any]:
-        """For ``summary.json``; what concerns replays only of a replay."""
+        """For ``summary.json``; what concerns replays only of a replay, and no log that was a pipe."""
         noted = asdict(self)
+        if self.log is not None and _is_pipe(Path(self.log)):
+            noted["log"] = None
+        if self.max_size is None:
+            del noted["max_size"]
         if self.origin is not None:
             noted["origin"] = list(self.origin)
         if self.online_chunk_s is None:
@@ -93,3 +101,17 @@ class RunInputs:
             closed_walk=self.closed_walk,
             origin=None if self.origin is None else Georeference(*self.origin),
         )
+
+
+def _lasting(path: Path | None) -> str | None:
+    """A path that holds from anywhere; a pipe's name, ``/dev/stdin``, leads nowhere once it is resolved."""
+    if path is None:
+        return None
+    return str(path.absolute() if _is_pipe(path) else path.resolve())
+
+
+def _is_pipe(path: Path) -> bool:
+    try:
+        return not path.is_file() and path.is_fifo()
+    except ValueError:  # a NUL in its name
+        return False

@@ -61,6 +61,8 @@ def checkpoint_errors(
     """
     if len(truth) < 2:
         raise DataError(f"{truth.source}: scoring needs at least two checkpoints, found {len(truth)}")
+    if truth.doubt:
+        raise DataError(f"{truth.source}: {truth.doubt}")
     if np.abs(truth.xy_m).max() > _MOST_M:
         raise DataError(f"{truth.source}: a place {np.abs(truth.xy_m).max():.3g} m from the origin is none on Earth")
     t_s = truth.t_s - t0_s

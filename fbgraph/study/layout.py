@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 
+from fbgraph.core.bounded import CONFIG_BYTES, small_file
 from fbgraph.core.config import STUDY_TABLE, Positive, Section, override, parse_toml, read_tables, validated
-from fbgraph.core.errors import ConfigError
+from fbgraph.core.errors import ConfigError, DataError
 
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 """One name or a list of them."""
@@ -71,7 +72,7 @@ class DatasetConfig(Section):
     units: UnitsConfig = UnitsConfig()
     rate_hz: Positive = 100.0
     """Rows a second, of tables without a time column."""
-    map_yaw_deg: float = 0.0
+    map_yaw_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
     """How far the ground truth's x axis is turned from magnetic East, counter-clockwise."""
 
 
@@ -110,9 +111,9 @@ def load_mapping(path: Path, dataset: DatasetConfig) -> DatasetConfig:
     """
     name = f"--mapping {path}"
     try:
-        values = parse_toml(path.read_text("utf-8"), name)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{name}: not a readable file") from error
+        values = parse_toml(small_file(path, CONFIG_BYTES, "mapping").decode("utf-8"), name)
+    except (DataError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{name}: not a readable file ({error})") from error
     if other := sorted(values.keys() - {STUDY_TABLE}):
         raise ConfigError(f"{name}: unknown key {other[0]!r}; only [dataset] tables here, all else in --config")
     given = _parse(values, name)

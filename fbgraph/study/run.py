@@ -244,6 +244,7 @@ def study_files(
     count: int | None = None,
     command: str = "",
     progress: Progress = lambda stage, share: None,
+    max_size: int | None = None,
 ) -> StudyResult:
     """Read or simulate the trials, run the study and write its folder, whole or not at all.
 
@@ -256,6 +257,7 @@ def study_files(
         count: how many trials; 36 or all if None.
         command: what was typed, for the report.
         progress: told each stage.
+        max_size: bytes of text that are read of the data set at most; 1 GiB if None.
 
     Raises:
         ConfigError: ``out`` is no study folder or cannot be written.
@@ -278,7 +280,7 @@ def study_files(
             dataset = replace(read_dataset(folder / "trials", layout), source=SIMULATED)
         else:
             progress("read", 0.0)
-            dataset = read_dataset(Path(source), layout, count)
+            dataset = read_dataset(Path(source), layout, count, max_size)
         result = run_study(dataset, config, progress)
         write_report(result, folder, command, began, progress)
     return result
