@@ -68,9 +68,8 @@ def formats(as_json: JsonOption = False) -> None:
         return
     for name, module in known.items():
         say(f"{name}: {module.DESCRIPTION}")
-        for line in module.EXAMPLE.strip().splitlines():
-            say(f"    {line}")
-        say()
+        lines = "".join(f"    {line}\n" for line in module.EXAMPLE.strip().splitlines())
+        say_document(f"{lines}\n", for_reading=True)
 
 
 @app.command()

@@ -31,7 +31,7 @@ def say_json(value: object, indent: int | None = 2) -> None:
 def say_document(text: str, for_reading: bool) -> None:
     """Print text of many lines; what is not for reading but for a program is UTF-8 wherever it is printed."""
     if for_reading:
-        _write(visible(text, keep="\n").encode(sys.stdout.encoding, "backslashreplace"))
+        _write(visible(text, keep="\n\t").encode(sys.stdout.encoding, "backslashreplace"))
     else:
         _write(text.encode())
 
