@@ -108,11 +108,24 @@ def test_a_serial_port(device_lines: list[str], reference: Path, tmp_path: Path)
     same_walk(tmp_path / "run", reference)
 
 
+def stored(raw: Path, data: bytes) -> None:
+    """Wait until all that was sent is on disk."""
+    deadline = time.time() + 20
+    while time.time() < deadline and (not raw.exists() or raw.stat().st_size < len(data)):
+        time.sleep(0.05)
+    assert raw.read_bytes() == data
+
+
 def test_tcp_and_udp(device_lines: list[str], reference: Path, tmp_path: Path) -> None:
     port = free_port()
     with running("--source", f"tcp://:{port}", "--out", tmp_path / "tcp") as process:
         with connected(port) as device:
-            device.sendall("".join(device_lines).encode())
+            device.sendall("".join(device_lines[:3000]).encode())
+        time.sleep(0.3)
+        with connected(port) as device:  # who comes back is heard again
+            device.sendall("".join(device_lines[3000:]).encode())
+        stored(tmp_path / "tcp" / "raw.csv", "".join(device_lines).encode())
+        process.send_signal(signal.SIGTERM)
         ended(process)
     same_walk(tmp_path / "tcp", reference)
     port = free_port(socket.SOCK_DGRAM)
@@ -143,6 +156,8 @@ def test_ten_kills_lose_and_double_no_step(device_lines: list[str], reference: P
             if cycle == 10:
                 device.sendall("".join(device_lines[sent:]).encode())
                 device.close()
+                stored(out / "raw.csv", "".join(device_lines).encode())
+                process.send_signal(signal.SIGTERM)
                 ended(process)
                 break
             until = min(sent + rng.randrange(100, 600), len(device_lines) - 20)

@@ -41,7 +41,9 @@ def test_rows_on_disk_and_lines_on_the_screen_tell_the_same(walk: SimulatedWalk,
     causal = read_tum(out / "online.tum")  # the same clock
     assert float(rows[0]["t_s"]) == pytest.approx(causal.t_s[-len(rows)], abs=1e-5)
     assert float(rows[5]["breadcrumb_t_s"]) == pytest.approx(causal.t_s[int(rows[5]["breadcrumb"])], abs=1e-5)
-    late = online(log, "--return-at", "100000", "--out", out, "--follow")
+    refused = online(log, "--return-at", "100000", "--out", out, code=2)
+    assert "another configuration; name another, or --force" in refused.stderr
+    late = online(log, "--return-at", "100000", "--out", out, "--follow", "--force")
     assert "later than the last step" in late.stdout
     assert not (out / "return.csv").exists()
     bad = online(log, "--return-at", "tomorrow", "--out", out, code=2)
