@@ -107,18 +107,19 @@ def _tcp(host: str, port: int, stop: Stop) -> Iterator[bytes]:
 
     def received() -> Iterator[bytes]:
         device: socket.socket | None = None
-        heard = False  # who has connected but said nothing gives way to who comes later
+        heard = torn = False  # who has connected but said nothing gives way to who comes later
         try:
             while not stop():
                 ready = select.select([s for s in (server, device) if s is not None], [], [], _POLL_S)[0]
                 data = b""
-                if device in ready and device is not None:
+                if device is not None and device in ready:
                     data = _received(device)
                     heard = heard or bool(data)
-                    if not data:  # the device went away; it may come back, and its last line was torn
+                    if not data:  # the device went away; it may come back
                         device.close()
-                        device, data = None, b"\n"
-                if server in ready:
+                        device, data = None, b"\n" if torn else b""
+                    torn = bool(data) and not data.endswith((b"\n", b"\r"))
+                elif server in ready:  # only when all that the device sent is read, its farewell included
                     caller, _ = server.accept()
                     if device is not None and heard:
                         caller.close()
