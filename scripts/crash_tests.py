@@ -4,8 +4,9 @@
 .venv/bin/python scripts/crash_tests.py [--part N] [--kills N]
 
 Every write, sync, rename, link and new folder of ``smooth``, ``online`` (replayed, live, resumed), ``record`` and
-``study`` fails once with ENOSPC, once with EIO, and is once the last thing a process does (``faulty_disk.c``); then commands are killed at random moments. Each time the old or the new run must stand whole, the lines of a live walk
-must be there to the byte, and the next start must leave nothing beside them. Needs Linux and a C compiler.
+``study`` fails once with ENOSPC, once with EIO, and is once the last thing a process does (``faulty_disk.c``); then
+commands are killed at random moments. Each time the old or the new run must stand whole, the lines of a live walk must
+be there to the byte, and the next start must leave nothing beside them. Needs Linux and a C compiler.
 """
 
 from __future__ import annotations
