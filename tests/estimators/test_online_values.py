@@ -146,6 +146,20 @@ def test_every_anchor_is_used_once_as_in_the_batch_graph(log: SensorLog, plain: 
     assert np.allclose(finished.trajectory.xy_m, batch.xy_m, atol=0.02)
 
 
+def test_the_second_anchor_counts_while_walking_too(log: SensorLog, plain: Plain) -> None:
+    track, known = plain[0].track, plain[0].estimate()
+    at = np.array([10, 30])
+    x_m, y_m = known.x_m[at] + np.array([100.0, 102.0]), known.y_m[at] - 50.0
+    ends = []
+    for count in (1, 2):
+        anchors = checkpoints(track.t_s[at], x_m, y_m, sigma_m=np.full(2, 0.2)).select(slice(0, count))
+        smoother = OnlineSmoother(CONFIG, Aids(anchors))
+        feed(smoother, log, 5.0)
+        ends.append(smoother.estimate().x_m[30])
+    assert ends[0] == pytest.approx(x_m[1] - 2.0, abs=0.3)
+    assert ends[1] > ends[0] + 0.5
+
+
 def test_finish_takes_what_was_held_back_and_smooths_it_all(log: SensorLog) -> None:
     smoother = OnlineSmoother(CONFIG)
     feed(smoother, log, 5.0)
