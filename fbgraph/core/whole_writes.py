@@ -23,7 +23,7 @@ def whole_folder(out: Path, keep: Collection[str] = ()) -> Iterator[Path]:
     Raises:
         ConfigError: its parent cannot be written.
     """
-    with _beside(out) as partial:
+    with _beside(out, make_parents=True) as partial:
         partial.chmod(0o755)
         yield partial
         for name in keep:
@@ -35,13 +35,17 @@ def whole_folder(out: Path, keep: Collection[str] = ()) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, make_parents: bool = False) -> Iterator[Path]:
     """A path to write to that replaces ``path`` when the block ends well, and vanishes when it does not.
+
+    Args:
+        path: the file to be.
+        make_parents: make the folders above it; else they must be there.
 
     Raises:
         ConfigError: the file cannot be written.
     """
-    with _beside(path) as folder:
+    with _beside(path, make_parents) as folder:
         partial = folder / path.name
         try:
             yield partial
@@ -51,10 +55,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def _beside(path: Path) -> Iterator[Path]:
+def _beside(path: Path, make_parents: bool) -> Iterator[Path]:
     """A folder of our own on the same file system."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        if make_parents:
+            path.parent.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     except OSError as error:
         raise ConfigError(f"{path}: cannot write there: {error.strerror}") from error

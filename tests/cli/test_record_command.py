@@ -88,7 +88,7 @@ def test_what_is_no_recording_is_told(folder: Path, tmp_path: Path) -> None:
     assert "no such" in fbgraph("view", tmp_path / "absent", code=3).stderr
     assert "not a run folder" in fbgraph("view", tmp_path, code=3).stderr
     assert "not a run folder" in fbgraph("record", tmp_path, code=3).stderr
-    assert "--save" in fbgraph("view", folder / "smooth", "--save", tmp_path / "no" / "x.rrd", code=2).stderr
+    assert "cannot write" in fbgraph("view", folder / "smooth", "--save", tmp_path / "no" / "x.rrd", code=2).stderr
 
 
 def test_without_rerun_a_walk_is_smoothed_and_says_so(folder: Path, tmp_path: Path) -> None:

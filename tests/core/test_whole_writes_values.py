@@ -20,7 +20,7 @@ def break_off(partial: Path) -> None:
 def test_a_file_replaces_the_old_one_when_all_is_written(tmp_path: Path) -> None:
     path = tmp_path / "new" / "walk.csv"
     for text in ("one", "two"):
-        with whole_file(path) as partial:
+        with whole_file(path, make_parents=True) as partial:
             partial.write_text(text)
             assert not path.exists() or path.read_text() == "one"
             assert partial.name == path.name
@@ -35,6 +35,12 @@ def test_a_file_that_is_not_finished_leaves_the_old_one(tmp_path: Path) -> None:
         break_off(partial)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_mistyped_folder_is_not_made(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot write there"), whole_file(tmp_path / "no" / "walk.csv"):
+        pass
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_replaces_the_old_one_but_for_what_is_kept(tmp_path: Path) -> None:
