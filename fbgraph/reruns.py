@@ -11,7 +11,7 @@ from fbgraph.core.config import load_config
 from fbgraph.core.errors import DataError
 from fbgraph.core.trajectory import read_tum
 from fbgraph.core.whole_writes import whole_file
-from fbgraph.pipeline import reconstruct
+from fbgraph.pipeline import read_told, reconstruct
 from fbgraph.readers import read_log
 from fbgraph.readers.raw_lines import saved_log
 from fbgraph.run.folder import RAW
@@ -36,7 +36,7 @@ def repeat_run(run: Path, log_path: Path | None = None) -> WalkResult:
         DataError: not a run folder, the log is gone, or what comes out is another walk than the folder's.
     """
     inputs = RunInputs.from_summary(read_summary(run), run)
-    config, told = load_config(str(run / "config.toml")), inputs.read_told()
+    config, told = load_config(str(run / "config.toml")), read_told(inputs)
     chunk_s = inputs.online_chunk_s
     if inputs.log == RAW:
         log, chunk_s = saved_log(run / RAW), chunk_s or _LIVE_CHUNK_S

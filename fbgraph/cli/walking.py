@@ -110,7 +110,7 @@ def online(
     from fbgraph import session
     from fbgraph.core.config import load_config
     from fbgraph.core.georeference import parse_origin
-    from fbgraph.pipeline import read_walk
+    from fbgraph.pipeline import read_told, read_walk
     from fbgraph.readers.sources import open_source
     from fbgraph.run.folder import check_run_folder
     from fbgraph.run.inputs import RunInputs
@@ -143,7 +143,7 @@ def online(
         )
     else:
         effective = session.resumed_config(folder, return_at) if resume else load_config(config or "m5stickc", set_)
-        told = inputs.read_told()
+        told = read_told(inputs)
         result = session.follow_source(
             open_source(source, stopping),
             folder,

@@ -14,7 +14,7 @@ from fbgraph.core.config import AttitudeConfig, DeviceConfig
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray, rotate, wrap_angle
 from fbgraph.core.log import SensorLog, Stream, empty_stream
 from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.windows import WindowMoments, interp_columns, IntervalMean
+from fbgraph.front_end.windows import IntervalMean, WindowMoments, interp_columns
 
 _PRESSURE_MEDIAN = 5  # samples; rejects single outliers of slow barometers
 

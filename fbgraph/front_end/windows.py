@@ -24,17 +24,21 @@ class IntervalMean:
 
     @property
     def empty(self) -> bool:
+        """Whether no sample has come yet."""
         return len(self._t_s) == 0
 
     @property
     def first_s(self) -> float:
+        """Time of the first sample that is kept."""
         return float(self._t_s[0])
 
     @property
     def last_s(self) -> float:
+        """Time of the latest sample."""
         return float(self._t_s[-1])
 
     def push(self, stream: Stream) -> None:
+        """Take the next samples."""
         if len(stream) == 0:
             return
         if self.empty:
@@ -66,6 +70,7 @@ class IntervalMean:
         return (at_ends[1:] - at_ends[:-1]) / dt_s, ~(in_gap[1:] | in_gap[:-1])
 
     def forget(self, before_s: float) -> None:
+        """Drop samples that no grid point from this time on needs."""
         start = max(int(np.searchsorted(self._t_s, before_s, side="right")) - 1, 0)
         self._t_s, self._integral = self._t_s[start:], self._integral[start:]
         self._gap_before = self._gap_before[start:]

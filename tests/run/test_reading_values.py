@@ -15,6 +15,7 @@ from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.log import Event
+from fbgraph.pipeline import read_told
 from fbgraph.run.folder import BREADCRUMB_HEADER, write_tables
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.reading import (
@@ -224,10 +225,11 @@ def test_inputs_that_say_too_little_or_too_much_are_refused() -> None:
 def test_what_was_named_is_told(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("t_s,x_m,y_m\n1,2,3\n")
     (tmp_path / "a.csv").write_text("t_s,x_m,y_m\n4,5,6\n7,8,9\n")
-    told = RunInputs.of(None, None, tmp_path / "t.csv", tmp_path / "a.csv", True, Georeference(49.0, 11.0)).read_told()
+    named = RunInputs.of(None, None, tmp_path / "t.csv", tmp_path / "a.csv", True, Georeference(49.0, 11.0))
+    told = read_told(named)
     assert told.truth is not None
     assert told.anchors is not None
     assert (len(told.truth), len(told.anchors)) == (1, 2)
     assert (told.truth.t_s[0], told.truth.x_m[0], told.truth.y_m[0]) == (1.0, 2.0, 3.0)
     assert (told.closed_walk, told.origin) == (True, Georeference(49.0, 11.0))
-    assert RunInputs().read_told() == Told()
+    assert read_told(RunInputs()) == Told()
