@@ -219,6 +219,11 @@ def test_no_step_happens_before_the_gap_that_its_average_reaches_back_over() -> 
             assert not after < peak.index <= after + 60
 
 
+def test_a_top_seen_only_after_a_gap_is_a_step_after_it() -> None:
+    """The bump up to 1252 and from 1303 on looks like one; its smoothed top comes after the gap."""
+    assert times(found_in(gapped(1252, 50))) == [*every(50, 13), 1303, *every(50, 5, 1350)]
+
+
 @pytest.mark.parametrize("chunk", [1, 7, 50, 333])
 def test_any_chunks_give_the_same_steps(chunk: int) -> None:
     rng = np.random.default_rng(8)

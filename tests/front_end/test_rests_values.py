@@ -105,6 +105,8 @@ def test_a_second_rest_comes_after_walking_and_the_logs_begin_does_not() -> None
     assert first == pytest.approx(10.0 - TRIM_S - 0.01)
     later = rested(moving(2.02, 0.0), still(10.0, 2.02), moving(1.0, 12.02))[2]
     assert later == pytest.approx(10.0 - 4.0 - TRIM_S - 0.01)
+    moved = rested(still(1.0), moving(0.5, 1.0), still(10.0, 1.5), moving(1.0, 11.5))[2]
+    assert moved == pytest.approx(later)  # a rest, however short, was over: that is movement at any time
     twice = rested(still(10.0), moving(0.5, 10.0), still(10.0, 10.5), moving(1.0, 20.5))[2]
     assert twice == pytest.approx(first + later)
 
@@ -170,6 +172,13 @@ def test_a_gap_is_remembered_from_the_sample_before_it() -> None:
     assert rests.unbroken_since(100)
     rests.push(moving(1.0, 3.0))
     assert rests.unbroken_since(100)
+
+
+def test_of_two_gaps_in_a_piece_the_later_one_is_remembered() -> None:
+    rests = Rests(RATE_HZ, SETTLE_S)
+    rests.push(levelled(30, index=np.arange(30) + 10 * (np.arange(30) >= 10) + 10 * (np.arange(30) >= 20)))
+    assert not rests.unbroken_since(28)
+    assert rests.unbroken_since(30)
 
 
 @pytest.mark.xfail(strict=True, reason="a gap in the log inside a rest counts as standing with the gyroscope at rest")

@@ -45,6 +45,7 @@ def test_heads_and_tails_are_the_first_and_last_samples() -> None:
     assert signals.tail(3).yaw_gyro_rad.tolist() == [7.0, 8.0, 9.0]
     assert len(signals.tail(0)) == 0
     assert same_signals(signals.tail(99), signals)
+    assert same_signals(signals.tail(15), signals)
     assert same_signals(signals.head(99), signals)
     assert same_signals(LevelledSignals.concatenate([signals.head(4), signals.tail(6)]), signals)
     assert LevelledSignals.concatenate([signals]) is signals

@@ -137,6 +137,17 @@ def test_a_gap_breaks_the_chain_at_the_first_step_after_it(whole: Whole) -> None
     assert len(track) == 61 - 6
 
 
+def test_the_last_step_is_found_though_no_sample_follows_for_long() -> None:
+    """Without a magnetometer half a second is held back until the log is known to end."""
+    log = replace(walk(), mag=Stream(np.empty(0), np.empty((0, 3)))).between(-1.0, 39.15)
+    track, signals = detect_steps(log, CONFIG)
+    assert track.t_s[-1] == pytest.approx(39.0, abs=0.015)
+    assert signals.t_s[-1] == pytest.approx(39.14)
+    front_end = FrontEnd(CONFIG)
+    assert front_end.feed(log)[0][-1].t_s == pytest.approx(38.5, abs=0.015)
+    assert [step.t_s for step in front_end.finish()[0]] == [track.t_s[-1]]
+
+
 def test_where_nobody_walks_there_is_no_step_and_that_is_said() -> None:
     with pytest.raises(DataError, match=r"made: no step found in 12\.0 s"):
         detect_steps(resting(12.0), Config())
