@@ -66,6 +66,12 @@ def test_standing_still_begins_a_window_before_it_is_known() -> None:
     ]
 
 
+def test_every_rest_is_shown() -> None:
+    found = lane((5.0, 6.0), still=[(1.5, 2.9), (7.8, 8.4)], window_s=0.5)
+    states = [(0.0, MOVING), (1.0, STANDING), (3.0, MOVING), (5.0, WALKING), (6.0, MOVING), (7.3, STANDING)]
+    assert found == [*states, (8.5, MOVING)]
+
+
 def test_less_than_a_second_of_neither_is_a_blink() -> None:
     assert lane((1.0, 2.0), (2.9, 9.5))[1:] == [(1.0, WALKING)]
     assert lane((1.0, 2.0), (3.1, 10.1))[1:] == [(1.0, WALKING), (2.0, MOVING), (3.1, WALKING)]
