@@ -182,6 +182,16 @@ def test_the_median_acceleration_is_about_gravity() -> None:
             cleaned(acc=ACC * low / norm)
 
 
+def test_an_inertial_sensor_changes_on_one_axis_at_least() -> None:
+    still = np.tile([0.0, 0.0, 9.8], (N, 1))
+    with pytest.raises(DataError, match="the accelerometer never changes"):
+        cleaned(acc=still)
+    assert len(cleaned(acc=changed(still, (7, 0), 0.1)).acc) == N
+    text = "the gyroscope never changes: it was stuck or switched off, turns are not seen"
+    assert cleaned(gyro=GYRO * 0.0).notices == (text,)
+    assert cleaned(gyro=changed(GYRO * 0.0, (7, 1), 0.01)).notices == ()
+
+
 def test_the_clock_begins_with_the_first_inertial_sample_and_events_are_on_it() -> None:
     gyro = RawStream(T_NS - S // 2, GYRO)
     end = int(T_NS[-1])

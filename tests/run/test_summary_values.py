@@ -177,6 +177,14 @@ def test_a_sensor_that_is_not_there_has_no_rate() -> None:
     assert found["samples"]["mag"] == 1
 
 
+def test_rates_have_two_digits() -> None:
+    log = hand_log()
+    slow = replace(log.mag, t_s=log.mag.t_s * 1.2345)  # 40.502 a second
+    assert summarize(made(log=replace(log, mag=slow)))["log"]["rates_hz"]["mag"] == 40.5
+    faster = replace(log.mag, t_s=log.mag.t_s * 0.6)  # 83.3333
+    assert summarize(made(log=replace(log, mag=faster)))["log"]["rates_hz"]["mag"] == 83.33
+
+
 def test_a_return_that_did_not_arrive() -> None:
     entry = return_entry(made(returning=RETURNING[:3]))
     assert entry is not None
