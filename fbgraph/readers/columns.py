@@ -281,6 +281,8 @@ class Columns:
         import pandas as pd  # here, because it takes a second to import
 
         (time,), (event,) = self.where.get("time", (-1,)), self.where.get("event", (-1,))
+        if event > max(map(str.count, lines, repeat(","))):  # no line of these has it
+            event = -1
         table = pd.read_csv(
             StringIO("\n".join(lines).replace("\r", " ")),
             header=None,
