@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from fbgraph.core.aids import Told
+from fbgraph.core.checkpoints import read_checkpoints
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import EstimationError
+from fbgraph.core.georeference import Georeference
 from fbgraph.core.log import SensorLog
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.answers import Smoothed
@@ -31,6 +33,20 @@ from fbgraph.run.summary import summarize, summary_markdown
 
 Progress = Callable[[str], None]
 """Called with the name of each stage as it begins."""
+
+
+def read_told(inputs: RunInputs) -> Told:
+    """Read the files that the user named beside the log.
+
+    Raises:
+        DataError: one of them cannot be read.
+    """
+    return Told(
+        truth=None if inputs.truth is None else read_checkpoints(inputs.truth),
+        anchors=None if inputs.anchors is None else read_checkpoints(inputs.anchors),
+        closed_walk=inputs.closed_walk,
+        origin=None if inputs.origin is None else Georeference(*inputs.origin),
+    )
 
 
 def read_walk(
@@ -51,7 +67,7 @@ def read_walk(
         DataError: a file that cannot be used.
     """
     load_config(config, overrides)
-    told = inputs.read_told()
+    told = read_told(inputs)
     log_file = read_log(Path(str(inputs.log)), inputs.format, inputs.max_size)
     effective = load_config(config or preset(log_file.log.format), overrides)
     return log_file.log, effective, replace(told, truth=told.truth or log_file.truth)

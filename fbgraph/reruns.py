@@ -9,7 +9,7 @@ import numpy as np
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.whole_writes import whole_file
-from fbgraph.pipeline import reconstruct
+from fbgraph.pipeline import read_told, reconstruct
 from fbgraph.readers import read_log
 from fbgraph.readers.raw_lines import saved_log
 from fbgraph.run.folder import RAW
@@ -35,7 +35,7 @@ def repeat_run(run: Path, log_path: Path | None = None) -> WalkResult:
     """
     saved = read_run(run)
     inputs = RunInputs.from_summary(saved.summary, run)
-    config, told = saved.read_config(), inputs.read_told()
+    config, told = saved.read_config(), read_told(inputs)
     chunk_s = inputs.online_chunk_s
     if inputs.log == RAW:
         log, chunk_s = saved_log(run / RAW), chunk_s or _LIVE_CHUNK_S

@@ -4,7 +4,7 @@
 .venv/bin/python scripts/turns.py [SEEDS]
 
 A true turn is a corner of the route of at least 30°; the smoother's trajectory is searched, without truth. How a found
-turn is matched to a true one stands in `fbgraph.metrics.score_turns`. Every built-in route is used; their corners,
+turn is matched to a true one stands in `fbgraph.run.metrics.score_turns`. Every built-in route is used; their corners,
 `eight` included, are 45° to 180°. `random` walks have ten legs of 3 to 15 m, with turns of 40° to 150° and, never two
 in a row, bends of 10° to 20° that are no turns. Legs: error of the estimated leg between the true corners, along and
 across, over the standard deviation that is given for it; likewise the whole walk.

@@ -117,7 +117,7 @@ def online(
     from fbgraph.core.bounded import parse_size
     from fbgraph.core.config import load_config
     from fbgraph.core.georeference import parse_origin
-    from fbgraph.pipeline import read_walk, write_run
+    from fbgraph.pipeline import read_told, read_walk, write_run
     from fbgraph.readers.sources import open_source
     from fbgraph.run.folder import claimed_live, claimed_run
     from fbgraph.run.inputs import RunInputs
@@ -158,7 +158,7 @@ def online(
                 open_source(source, stopping),
                 place,
                 effective,
-                inputs.read_told(),
+                read_told(inputs),
                 on_update=show,
                 tell=complain,
                 resume=resume is not None,

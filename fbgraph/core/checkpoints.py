@@ -16,7 +16,7 @@ import numpy as np
 
 from fbgraph.core.bounded import LONGEST_LINE, MOST_COLUMNS, PLACES_BYTES, small_file
 from fbgraph.core.errors import DataError
-from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.georeference import Georeference, along_ground_m
 
 _SLACK_S = 5.0
@@ -105,7 +105,7 @@ class Checkpoints:
         dx_m, dy_m = other.georeference.local_m(origin)[0]
         return replace(self, x_m=self.x_m + dx_m, y_m=self.y_m + dy_m, georeference=other.georeference)
 
-    def select(self, which: slice | FloatArray) -> Checkpoints:
+    def select(self, which: slice | IntArray | BoolArray) -> Checkpoints:
         """The checkpoints at these indices."""
         fields = ("t_s", "x_m", "y_m", "z_m", "floor", "sigma_m")
         return replace(self, **{name: getattr(self, name)[which] for name in fields})

@@ -42,11 +42,12 @@ def real_place(path: Path) -> Path:
 
 
 @contextmanager
-def locked(place: Path) -> Iterator[Path]:
+def locked(place: Path, make_parents: bool = True) -> Iterator[Path]:
     """Nobody else writes to a place meanwhile; leftovers of dead processes beside it are cleared away first.
 
     Args:
         place: a file or folder, which need not exist.
+        make_parents: make the folders above it; else they must be there.
 
     Yields:
         Where it really is.
@@ -57,7 +58,8 @@ def locked(place: Path) -> Iterator[Path]:
     place = real_place(place)
     lock = place.parent / f".{place.name}.{_OURS}-lock"
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
+        if make_parents:
+            place.parent.mkdir(parents=True, exist_ok=True)
         descriptor = _hold(lock)
     except OSError as error:
         raise ConfigError(f"{place}: cannot write there: {error.strerror or error}") from error
@@ -100,8 +102,12 @@ def whole_folder(
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, make_parents: bool = False) -> Iterator[Path]:
     """A path to write to that takes the place of ``path`` when the block ends well, and vanishes when it does not.
+
+    Args:
+        path: the file to be.
+        make_parents: make the folders above it; else they must be there.
 
     Raises:
         ConfigError: the file cannot be written, or another process is writing it.
@@ -110,7 +116,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         with _told(path):
             yield path
         return
-    with locked(path) as place, _beside(place) as folder, _told(path):
+    with locked(path, make_parents) as place, _beside(place) as folder, _told(path):
         partial = folder / place.name
         yield partial
         _sync(partial)

@@ -14,7 +14,7 @@ from fbgraph.core.config import AttitudeConfig, DeviceConfig
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray, rotate, wrap_angle
 from fbgraph.core.log import SensorLog, Stream, empty_stream
 from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.windows import WindowMoments, _interp_columns, _IntervalMean
+from fbgraph.front_end.windows import IntervalMean, WindowMoments, interp_columns
 
 _LONG_SILENCE_S = 60.0  # of a shorter one every grid point is looked at
 _PRESSURE_MEDIAN = 5  # samples; rejects single outliers of slow barometers
@@ -29,8 +29,8 @@ class Leveller:
         mount = np.asarray(device.mount, dtype=float)
         self._mount_b = mount / np.linalg.norm(mount)
         self._north_rad = np.pi / 2.0 - np.radians(device.declination_deg)
-        self._acc = _IntervalMean(3, config.max_gap_s)
-        self._gyro = _IntervalMean(3, config.max_gap_s)
+        self._acc = IntervalMean(3, config.max_gap_s)
+        self._gyro = IntervalMean(3, config.max_gap_s)
         self._mag = empty_stream(3)
         self._pressure = empty_stream(1)
         self._altitude = empty_stream(1)
@@ -212,7 +212,7 @@ def _interpolate(stream: Stream, t_s: FloatArray, max_gap_s: float) -> FloatArra
     inside = (after > 0) & (after < len(stream))
     after = np.minimum(np.maximum(after, 1), len(stream) - 1)
     inside &= stream.t_s[after] - stream.t_s[after - 1] <= max_gap_s
-    values = _interp_columns(t_s, stream.t_s, stream.values)
+    values = interp_columns(t_s, stream.t_s, stream.values)
     values[~inside] = np.nan
     return values
 

@@ -8,7 +8,7 @@ from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.log import Stream
 
 
-class _IntervalMean:
+class IntervalMean:
     """Brings a stream to the grid as the mean over each grid interval, which keeps the integral exact.
 
     The running integral of the stream (trapezoids) is interpolated at the grid times: for a gyroscope of any rate and
@@ -24,17 +24,21 @@ class _IntervalMean:
 
     @property
     def empty(self) -> bool:
+        """Whether no sample has come yet."""
         return len(self._t_s) == 0
 
     @property
     def first_s(self) -> float:
+        """Time of the first sample that is kept."""
         return float(self._t_s[0])
 
     @property
     def last_s(self) -> float:
+        """Time of the latest sample."""
         return float(self._t_s[-1])
 
     def push(self, stream: Stream) -> None:
+        """Take the next samples."""
         if len(stream) == 0:
             return
         if self.empty:
@@ -65,12 +69,13 @@ class _IntervalMean:
         if len(index) == 0:
             return np.empty((0, self._integral.shape[1])), np.empty(0, dtype=np.bool_)
         ends = np.asarray(np.concatenate((index[:1] - 1, index)) * dt_s, dtype=np.float64)
-        at_ends = _interp_columns(ends, self._t_s, self._integral)
+        at_ends = interp_columns(ends, self._t_s, self._integral)
         bracket = np.minimum(np.searchsorted(self._t_s, ends), len(self._t_s) - 1)
         in_gap = self._gap_before[bracket]
         return (at_ends[1:] - at_ends[:-1]) / dt_s, ~(in_gap[1:] | in_gap[:-1])
 
     def forget(self, before_s: float) -> None:
+        """Drop samples that no grid point from this time on needs."""
         start = max(int(np.searchsorted(self._t_s, before_s, side="right")) - 1, 0)
         self._t_s, self._integral = self._t_s[start:], self._integral[start:]
         self._gap_before = self._gap_before[start:]
@@ -105,7 +110,7 @@ class WindowMoments:
         return mean + self._origin, variance, count
 
 
-def _interp_columns(at_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:
+def interp_columns(at_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:
     """``np.interp`` for every column."""
     out = np.empty((len(at_s), values.shape[1]))
     for i in range(values.shape[1]):

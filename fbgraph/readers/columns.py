@@ -303,10 +303,13 @@ class Columns:
         import pandas as pd  # here, because it takes a second to import
 
         (time,), (event,) = self.where.get("time", (-1,)), self.where.get("event", (-1,))
+        widest = max(map(str.count, lines, repeat(","))) + 1
+        if event >= widest:  # no line of these has it
+            event = -1
         table = pd.read_csv(
             StringIO("\n".join(lines).replace("\r", " ")),
             header=None,
-            names=list(range(len(self.names))),
+            names=list(range(widest)),
             usecols=[*self._fields, *(i for i in (time, event) if i >= 0)],
             dtype={event: object} if event >= 0 else {},
             quoting=csv.QUOTE_NONE,

@@ -8,7 +8,7 @@ import numpy as np
 
 from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.geometry import FloatArray, wrap_angle
-from fbgraph.run.lanes import _HALF, MOVING, compass_trust, stretches, wearer_lane
+from fbgraph.run.lanes import DOUBTED_BELOW, MOVING, compass_trust, stretches, wearer_lane
 from fbgraph.run.metrics import leg_errors
 from fbgraph.run.result import WalkResult
 
@@ -40,7 +40,7 @@ def _compass(result: WalkResult) -> list[Finding]:
     off = np.degrees(wrap_angle(track.yaw_mag_rad - smoothed.yaw_rad))
     distance_m = smoothed.distance_m
     found = []
-    for first, last in stretches(compass_trust(result) < _HALF):
+    for first, last in stretches(compass_trust(result) < DOUBTED_BELOW):
         span = slice(first, last + 1)
         worst = float(off[span][np.nanargmax(np.abs(off[span]))])
         by = f"up to {abs(worst):.0f}° off to the {'left' if worst > 0 else 'right'} of the smoothed heading"
@@ -112,7 +112,7 @@ def _places(result: WalkResult) -> list[Finding]:
         told.append(("closed walk", len(smoothed) - 1, smoothed.xy_m[0]))
     found = []
     if closures := result.smoothed.closures:
-        doubted = sum(weights.get("closure", {}).get(closure.j, 1.0) < _HALF for closure in closures)
+        doubted = sum(weights.get("closure", {}).get(closure.j, 1.0) < DOUBTED_BELOW for closure in closures)
         both = [np.median([np.hypot(*(path[c.i] - path[c.j])) for c in closures]) for path in (smoothed.xy_m, free)]
         text = (
             f"the way back was tied to the way out at {len(closures)} places ({doubted} doubted): both passes are "
@@ -127,7 +127,7 @@ def _places(result: WalkResult) -> list[Finding]:
         at_s = float(track.t_s[k])
         near, before = np.hypot(*(smoothed.xy_m[k] - place)), np.hypot(*(free[k] - place))
         text = f"{name} at step {k}: the smoothed walk is {near:.1f} m from it, the EKF, not told of it, {before:.1f} m"
-        if weights.get(name, {}).get(k, 1.0) < _HALF:
+        if weights.get(name, {}).get(k, 1.0) < DOUBTED_BELOW:
             text += "; doubted, the walk was pulled less than half as far as it asked"
         found.append(Finding(name.replace(" ", "_"), at_s, at_s, text))
     return found

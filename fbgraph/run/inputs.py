@@ -7,8 +7,6 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from fbgraph.core.aids import Told
-from fbgraph.core.checkpoints import read_checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.georeference import Georeference
 
@@ -88,19 +86,6 @@ class RunInputs:
         if self.online_chunk_s is None:
             del noted["online_chunk_s"], noted["until_s"]
         return noted
-
-    def read_told(self) -> Told:
-        """Read the files that the user named beside the log.
-
-        Raises:
-            DataError: one of them cannot be read.
-        """
-        return Told(
-            truth=None if self.truth is None else read_checkpoints(Path(self.truth)),
-            anchors=None if self.anchors is None else read_checkpoints(Path(self.anchors)),
-            closed_walk=self.closed_walk,
-            origin=None if self.origin is None else Georeference(*self.origin),
-        )
 
 
 def _lasting(path: Path | None) -> str | None:

@@ -27,7 +27,7 @@ TRUSTED, DOUBTED = "consistent", "doubted"
 ON_ROUTE, OFF_ROUTE, ARRIVED = "way back", "off route", "arrived"
 
 
-_HALF = 0.5  # of the usual pull; a compass that is left less is doubted
+DOUBTED_BELOW = 0.5  # of the usual pull; a compass that is left less is doubted
 
 
 _SHORT_STEPS = 2  # a stretch of fewer is not worth telling
@@ -114,7 +114,7 @@ def compass_lane(result: WalkResult) -> Lane:
         return []
     t_s = result.track.t_s
     lane: Lane = [(float(result.track.start_s[known[0]]), TRUSTED)]
-    for first, last in stretches(trust < _HALF):
+    for first, last in stretches(trust < DOUBTED_BELOW):
         lane += [(float(result.track.start_s[first]), DOUBTED), (float(t_s[last]), TRUSTED)]
     return [*lane, (float(t_s[known[-1]]), None)]
 

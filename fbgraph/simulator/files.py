@@ -89,9 +89,9 @@ def simulate_files(out: Path, route: Route, options: SimulateOptions, seed: int)
     """
     walk = simulate(route, options, seed)
     truth = out.with_name(f"{out.stem}_truth.csv")
-    with whole_file(out) as partial:
+    with whole_file(out, make_parents=True) as partial:
         write_m5stickc_csv(walk.log, partial)
-    with whole_file(truth) as partial:
+    with whole_file(truth, make_parents=True) as partial:
         write_truth_csv(walk, partial)
     return {
         "log": str(out),

@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from support.commands import fbgraph
+from support.commands import fbgraph, fbgraph_process
 
 from fbgraph.core.trajectory import read_tum
 from fbgraph.run.folder import RETURN_HEADER
@@ -22,7 +22,9 @@ def walk() -> SimulatedWalk:
 
 
 def online(*arguments: object, code: int = 0, stdin: str | None = None) -> subprocess.CompletedProcess[str]:
-    return fbgraph("online", *arguments, "--no-recording", code=code, stdin=stdin)
+    if stdin is not None:
+        return fbgraph_process("online", *arguments, "--no-recording", code=code, stdin=stdin)
+    return fbgraph("online", *arguments, "--no-recording", code=code)
 
 
 def test_rows_on_disk_and_lines_on_the_screen_tell_the_same(walk: SimulatedWalk, tmp_path: Path) -> None:

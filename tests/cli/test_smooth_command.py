@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.commands import fbgraph
+from support.commands import fbgraph, fbgraph_process
 
 from fbgraph.core.trajectory import read_tum
 
@@ -20,7 +20,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_smooth_writes_the_run_folder_and_says_what_it_found(walk: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    printed = fbgraph("smooth", walk, "--out", out, "--truth", walk.with_name("walk_truth.csv")).stdout
+    printed = fbgraph_process("smooth", walk, "--out", out, "--truth", walk.with_name("walk_truth.csv")).stdout
     assert {path.name for path in out.iterdir()} == {
         *("pdr.tum", "ekf.tum", "smoothed.tum", "breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd")
     }

@@ -11,7 +11,7 @@ from support.factors import NAN, Array, make_step, stand, walk_track
 
 from fbgraph.core.config import EkfConfig
 from fbgraph.estimators.ekf import EkfState, HeadingEkf, run_ekf
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.front_end.track import Step
 
 CONFIG = EkfConfig(
     sigma_yaw_step_rad=0.03,
@@ -246,4 +246,3 @@ def test_a_whole_walk_reports_the_filters_bias_and_altitude() -> None:
     assert list(trajectory.gyro_bias_rad_s[1:]) == [s.bias_rad_s for s in states[1:]]
     assert list(trajectory.z_m) == [s.z_m for s in states]
     assert trajectory.gyro_bias_rad_s[0] == trajectory.gyro_bias_rad_s[1]
-    assert isinstance(track, StepTrack)

@@ -205,14 +205,15 @@ def test_a_seed_that_is_no_place_is_an_estimation_error() -> None:
 def test_a_way_back_is_tied_and_a_way_out_left_as_it_is() -> None:
     """Back on the same corridor with a drifting gyroscope: tied, the end is at the start again."""
     config, bias = Config(), 0.002
-    yaw = np.repeat([0.0, 1.5, 1.5 - math.pi, -math.pi], (60, 60, 60, 60))
+    # turns to the right by more than half a circle in one step, which unwraps to the left
+    yaw = np.repeat([0.0, 1.5, 1.5 - 3.5, 1.5 - math.pi, -math.pi], (60, 60, 1, 59, 60))
     track = walk_track(yaw, bias_rad_s=bias)
     facing = np.concatenate((yaw[:1], yaw))
     alone = smooth(track, seed_of(track, facing), config.graph, SOLVER)
     tied, turned = tie_way_back(alone, track, seed_of(track, facing), config)
     assert turned is not None
     assert abs(turned.breadcrumb - 120) <= 4
-    assert len(tied.closures) >= 3
+    assert len(tied.closures) >= 2
     assert all(abs(c.i + c.j - 240) <= 6 for c in tied.closures)
     off = [float(np.hypot(*s.trajectory.xy_m[-1])) for s in (alone, tied)]
     assert off[1] < 1.0 < off[0]

@@ -152,6 +152,15 @@ def test_nothing_is_integrated_across_a_gap() -> None:
         assert signals.yaw_gyro_rad[after] - signals.yaw_gyro_rad[before] == pytest.approx(0.005, abs=1e-3)
 
 
+def test_an_interval_that_a_gap_touches_is_left_out() -> None:
+    """The last sample before it is at 3.993 s, the first after it at 6.003 s."""
+    log = spinning(0.5, t_s=T_S + 0.003)
+    for cut in (replace(log, acc=without(log.acc, 4.0, 6.0)), replace(log, gyro=without(log.gyro, 4.0, 6.0))):
+        index = level(cut).index
+        assert index[index < 500][-1] == 399
+        assert index[index > 500][0] == 602
+
+
 def test_a_short_silence_is_bridged() -> None:
     log = spinning(0.5)
     cut = replace(log, acc=without(log.acc, 4.0, 4.45), gyro=without(log.gyro, 4.0, 4.45))

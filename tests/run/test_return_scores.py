@@ -28,7 +28,7 @@ def museum(shared_data: Path) -> list[ReturnScore]:
         log_file = read_log(path)
         log, truth = log_file.log, log_file.truth
         assert truth is not None
-        walks.append(score_return(log, truth.xy_m, truth.t_s - log.t0_s, load_config(preset(log.format)), piece_s=0.25))
+        walks.append(score_return(log, truth.xy_m, truth.t_s - log.t0_s, load_config(preset(log.format)), piece_s=0.5))
     return walks
 
 

@@ -1,23 +1,50 @@
-"""The command line, and Rerun's, as processes of their own."""
+"""The command line, and Rerun's."""
 
+import contextlib
+import io
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
+
+from fbgraph import cli
 
 
-def fbgraph(
-    *arguments: object, code: int = 0, cwd: Path | None = None, stdin: str | None = None, **environment: str
+def fbgraph(*arguments: object, code: int = 0, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """``fbgraph`` as typed, in this process, which spares starting one; it must end with this code."""
+    out, err = io.StringIO(), io.StringIO()
+    typed = ["fbgraph", *map(str, arguments)]
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    with (
+        contextlib.chdir(cwd or Path.cwd()),
+        mock.patch.object(sys, "argv", typed),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            cli.main()
+            ended: object = 0
+        except SystemExit as end:
+            ended = end.code or 0
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+    assert ended == code, err.getvalue()
+    return subprocess.CompletedProcess(typed, code, out.getvalue(), err.getvalue())
+
+
+def fbgraph_process(
+    *arguments: object, code: int = 0, stdin: str = "", **environment: str
 ) -> subprocess.CompletedProcess[str]:
-    """``fbgraph`` as typed; it must end with this code, and never with a traceback."""
+    """``python -m fbgraph`` in a process of its own; it must end with this code, and never with a traceback."""
     done = subprocess.run(
         [sys.executable, "-m", "fbgraph", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,
-        cwd=cwd,
         input=stdin,
-        stdin=subprocess.DEVNULL if stdin is None else None,
         timeout=120,
         env={**os.environ, **environment},
     )

@@ -112,6 +112,29 @@ def test_a_walker_who_sways_needs_more_evidence() -> None:
         assert len(find_turns(trajectory(yaw))) == expected
 
 
+def changes(first: int, angle_deg: float, last: int, sway_deg: float = 0.0) -> list[int]:
+    """Where the direction changes at all, of a walker who sways from step to step."""
+    yaw = yaws((0.0, first), (angle_deg, last))
+    yaw = yaw + sway_deg * np.where(np.arange(len(yaw)) % 2 == 0, 1.0, -1.0)
+    return [turn.breadcrumb for turn in find_turns(trajectory(yaw), math.radians(0.5))]
+
+
+def test_a_change_pays_three_variances_times_the_logarithm_of_the_count() -> None:
+    """Of 20 and 20 steps a change by a saves 10 a² of the squares: √(3 · 3² · ln 40 / 10) = 3.16°."""
+    assert changes(20, 3.10, 20) == []
+    assert changes(20, 3.25, 20) == [20]
+    assert changes(20, -3.25, 20) == [20]
+    # of 60 and 20 steps it saves 15 a²: √(27 · ln 80 / 15) = 2.81°
+    assert changes(60, 2.72, 20) == []
+    assert changes(60, 2.90, 20) == [60]
+
+
+def test_the_variance_is_that_of_the_change_from_step_to_step() -> None:
+    """Swaying by 4° to either side is 8° from step to step: sigma 8 / (0.6745 √2) = 8.39°, to pay 8.82°."""
+    assert changes(20, 8.6, 20, 4.0) == []
+    assert len(changes(20, 9.1, 20, 4.0)) == 1
+
+
 def test_directions_of_legs_leave_out_two_steps_at_each_turn() -> None:
     yaw = yaws((0.0, 10))
     yaw[[8, 9]] = 45.0  # already turning

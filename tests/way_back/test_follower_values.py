@@ -39,6 +39,12 @@ def test_closures_are_of_the_way_back_and_lead_to_the_way_out() -> None:
         assert 0.7 < closure.sigma_along_m < math.hypot(0.7, 0.8)
 
 
+def test_the_first_step_after_the_turn_may_be_tied_already() -> None:
+    eager = ReturnConfig(closure_away_m=0.0, closure_doubt_m=9.0, closure_steady_m=0.5, closure_every_m=0.5)
+    found = find_closures(WAY, track(), TURNED, HALF_A_METRE, eager)
+    assert [closure.j for closure in found] == list(range(61, 121))
+
+
 def test_a_walk_that_does_not_turn_back_has_none() -> None:
     assert find_closures(WAY, track(), None, HALF_A_METRE, CONFIG) == ()
 

@@ -18,7 +18,9 @@ from fbgraph.way_back.guide import ReturnGuide
 WAY = way_along((0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (20.0, 0.0), (0.0, 0.0), t0_s=2.0)
 
 
-def walked(at: str, way: Trajectory = WAY, events: Sequence[Event] = (), **returning: Any) -> ReturnGuide:
+def walked(
+    at: str, way: Trajectory = WAY, events: Sequence[Event] = (), early: bool = False, **returning: Any
+) -> ReturnGuide:
     """A guide that has been told every step; its field, different every metre, tells where it was walked."""
     config = Config(step_length=HALF_A_METRE, returning=ReturnConfig(at=at, **returning))
     guide = ReturnGuide(config)
@@ -26,7 +28,9 @@ def walked(at: str, way: Trajectory = WAY, events: Sequence[Event] = (), **retur
     field = 50.0 + 8.0 * np.sin(np.minimum(middle, 120.0 - middle) * 0.5 / 1.5)
     steps = steps_of(way, mag_norm_ut=field, mag_dip_rad=np.full(len(way), 1.0))
     for k, step in enumerate(steps):
-        guide.note([event for event in events if step.start_s < event.t_s <= step.t_s])
+        guide.note(
+            [event for event in events if (early and k == 0) or (not early and step.start_s < event.t_s <= step.t_s)]
+        )
         guide.advance(crumb_of(way, k), step, lambda k=k: way.until(k))  # type: ignore[misc]
     return guide
 
@@ -170,6 +174,39 @@ def test_of_several_presses_the_first_counts() -> None:
     guide = walked("event", events=[Event(33.1, "b"), Event(32.2, "a"), Event(40.0, "c")])
     assert guide.turn_back is not None
     assert guide.turn_back.known_s == 32.5
+
+
+def test_events_that_come_together_are_told_apart() -> None:
+    guide = walked("event", events=[Event(40.0, "c"), Event(32.2, "b"), Event(2.0, "a")], early=True)
+    assert guide.turn_back is not None
+    assert guide.turn_back.known_s == 32.5  # the first after the standing start, which is at 2.0 s
+    assert walked("event", events=[Event(2.0, "a")], early=True).turn_back is None
+    during = walked("event", events=[Event(2.3, "a")], early=True)
+    assert during.turn_back is not None
+    assert during.turn_back.known_s == 3.0
+
+
+@pytest.mark.parametrize(
+    ("corners", "rise_m"),
+    [
+        (((0.0, 0.0), (30.0, 0.0), (30.0, 3.0), (5.0, 3.0)), 0.0),
+        (((0.0, 0.0), (0.0, 30.0), (3.0, 30.0), (3.0, 5.0)), 0.0),
+        (((0.0, 0.0), (30.0, 0.0), (5.0, 0.0)), 2.0),
+    ],
+)
+def test_another_lane_or_floor_is_not_the_way_back(corners: tuple[tuple[float, float], ...], rise_m: float) -> None:
+    way = way_along(*corners, t0_s=2.0)
+    way = replace(way, z_m=np.where(np.arange(len(way)) > 60, rise_m, 0.0))
+    assert walked("auto", way).turn_back is None
+    told = walked("40.2", way).turn_back
+    assert told is not None
+    assert told.breadcrumb == 76  # the last before 40.2 s: nothing was reversed
+
+
+def test_who_walks_on_when_the_way_back_begins_is_told_after_two_metres() -> None:
+    way = way_along((0.0, 0.0), (30.0, 0.0), t0_s=2.0)
+    told = [update.instruction == "turn around" for update in walked("20.2", way).updates[:5]]
+    assert told == [False, False, False, True, True]
 
 
 def test_it_may_be_noticed_by_itself() -> None:

@@ -201,6 +201,57 @@ def test_the_devices_own_horizontal_field_is_learnt() -> None:
         assert match.route_m == pytest.approx(true_m, abs=0.25)
 
 
+def test_the_horizontal_field_alone_says_where_it_is_once_the_devices_own_is_learnt() -> None:
+    """Sixty steps to learn 8 µT; then two metres are walked unseen."""
+    _, level = field_of_route()
+    matcher = made(outbound(mag_up_ut=np.full(121, 40.0), mag_level_ut=level))
+    for k in [*range(120, 60, -1), *range(56, 20, -1)]:
+        match = matcher.advance(0.5, 0.5, WEST, (40.0, float(level[k]) + 8.0), math.nan)
+    assert match.route_m == pytest.approx(10.0, abs=0.3)
+    assert match.sigma_m < 0.8
+
+
+RAMP = 0.5 * np.arange(241.0)  # a quantity that grows by one every metre of 120 m
+SAMPLES_M = np.arange(0.0, 120.0, 0.01)
+
+
+def spread_of_one_look(scale_m: float, power: float, at_m: float) -> float:
+    """What is left of not knowing, give or take 20 m, after one look at a ramp: a heavy tail of three degrees.
+
+    The spread within 3 m of the peak (to the middle between bins), and 3 m of what lies further away.
+    """
+    before = np.exp(-0.5 * ((SAMPLES_M - 120.0) / 20.0) ** 2)
+    after = before * (1.0 + ((SAMPLES_M - at_m) / scale_m) ** 2 / 3.0) ** (-2.0 * power)
+    after /= after.sum()
+    near = np.abs(SAMPLES_M - SAMPLES_M[np.argmax(after)]) <= 3.125
+    mass = float(after[near].sum())
+    mean_m = float(after[near] @ SAMPLES_M[near]) / mass
+    return math.sqrt(float(after[near] @ (SAMPLES_M[near] - mean_m) ** 2) / mass) + 3.0 * (1.0 - mass)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "level_m", "power"),
+    [
+        ("field", 0.5, 0.5 / 0.65 * (0.5 + 0.25)),  # the vertical half, the horizontal a quarter, by share of a step
+        ("field", 1.3, 1.5 * (0.5 + 0.25)),  # at most one and a half
+        ("vertical", 0.5, 0.5 / 0.65 * 0.5),
+        ("altitude", 0.5, 0.2),
+    ],
+)
+def test_how_much_one_look_tells(quantity: str, level_m: float, power: float) -> None:
+    flat = np.zeros(241)
+    out = outbound(
+        240,
+        mag_up_ut=np.full(241, math.nan) if quantity == "altitude" else RAMP,
+        mag_level_ut={"field": RAMP, "vertical": flat}.get(quantity, np.full(241, math.nan)),
+        altitude_m=RAMP if quantity == "altitude" else np.full(241, math.nan),
+    )
+    matcher = made(out, sigma_mag_ut=1.0, sigma_altitude_m=1.0, sigma_place_m=1e6)
+    field = NO_FIELD if quantity == "altitude" else (100.0, 100.0 if quantity == "field" else 0.0)
+    match = matcher.advance(0.01, level_m, WEST, field, 100.0 if quantity == "altitude" else math.nan, 60.0)
+    assert match.sigma_m == pytest.approx(spread_of_one_look(1.0, power, match.route_m), rel=0.02)
+
+
 def test_stairs_say_where_on_the_route_it_is() -> None:
     found = walked_with_field(4, heights=True)
     for true_m, match in found:

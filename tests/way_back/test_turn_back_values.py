@@ -1,6 +1,7 @@
 """When a walk has turned back: half-metre steps along a line and back, each limit on both of its sides."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,18 +17,26 @@ OUT, STEP_M = 60, 0.5  # 30 m out
 
 
 def there_and_back(
-    back: int = 40, aside_m: float = 0.0, off_deg: float = 0.0, rise_m: float = 0.0, wrong: int = 0
+    back: int = 40,
+    aside_m: float = 0.0,
+    off_deg: float = 0.0,
+    rise_m: float = 0.0,
+    wrong: int = 0,
+    slope: float = 0.0,
+    lost_m: float = 0.0,
 ) -> list[Crumb]:
     """East for 30 m, then West in a lane ``aside_m`` away, facing ``off_deg`` aside, ``rise_m`` higher.
+
+    The whole way has a slope; at the turn some metres may be lost to the count.
 
     The first ``wrong`` steps of the way back are made facing 55° aside.
     """
     found = []
     for k in range(OUT + back + 1):
         yaw = math.pi + math.radians(55.0 if k <= OUT + wrong else off_deg) if k > OUT else 0.0
-        x_m = STEP_M * (k if k <= OUT else 2 * OUT - k)
+        x_m = STEP_M * k if k <= OUT else STEP_M * (2 * OUT - k) - lost_m
         y_m, z_m = (aside_m, rise_m) if k > OUT else (0.0, 0.0)
-        found.append(Crumb(0.5 * k, x_m, y_m, z_m, yaw, STEP_M * k))
+        found.append(Crumb(0.5 * k, x_m, y_m, z_m + slope * x_m, yaw, STEP_M * k))
     return found
 
 
@@ -90,6 +99,36 @@ def test_few_steps_may_face_elsewhere() -> None:
     assert found == [True, True, False, False]
 
 
+def test_on_a_slope_the_same_place_is_at_the_same_height() -> None:
+    assert noticed(there_and_back(slope=0.4)) is not None
+    assert noticed(there_and_back(slope=0.4, rise_m=3.0)) is None
+    assert noticed(there_and_back(slope=-0.4, rise_m=-3.0)) is None
+
+
+def test_a_few_metres_may_be_lost_in_turning() -> None:
+    """Three metres, and half of what the turn may be mistaken by: at most 15 % of what was walked back."""
+    assert [noticed(there_and_back(lost_m=lost_m)) is not None for lost_m in (3.0, 5.5, 8.0)] == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("corners", "rise_m"),
+    [
+        (((0.0, 0.0), (30.0, 0.0), (30.0, 3.0), (5.0, 3.0)), 0.0),
+        (((0.0, 0.0), (0.0, 30.0), (3.0, 30.0), (3.0, 5.0)), 0.0),
+        (((0.0, 0.0), (30.0, 0.0), (5.0, 0.0)), 2.0),
+    ],
+)
+def test_another_lane_or_floor_of_a_whole_walk_is_another_way(
+    corners: tuple[tuple[float, float], ...], rise_m: float
+) -> None:
+    way = way_along(*corners)
+    way = replace(way, z_m=np.where(np.arange(len(way)) > OUT, rise_m, 0.0))
+    track = StepTrack(steps_of(way))
+    assert find_turn_back(way, track, HALF_A_METRE, ReturnConfig()) is None
+    on_the_way = way_along(corners[0], corners[1], (corners[-1][0] * (corners[1][0] > 0), 5.0 * (corners[1][1] > 0)))
+    assert find_turn_back(on_the_way, StepTrack(steps_of(on_the_way)), HALF_A_METRE, ReturnConfig()) is not None
+
+
 def test_going_on_is_not_turning_back() -> None:
     assert noticed([Crumb(0.5 * k, 0.5 * k, 0.0, 0.0, 0.0, 0.5 * k) for k in range(150)]) is None
 
@@ -106,10 +145,10 @@ def test_a_whole_walk_is_searched_with_its_own_columns() -> None:
     assert find_turn_back(way, track, HALF_A_METRE, far) is None
 
 
-def columns(back: int, aside_m: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+def columns(back: int, aside_m: float = 0.0, scale: float = 1.0) -> tuple[FloatArray, FloatArray, FloatArray]:
     crumbs = there_and_back(back, aside_m)
     xyz = np.array([(c.x_m, c.y_m, c.z_m) for c in crumbs])
-    return xyz, np.array([c.yaw_rad for c in crumbs]), np.array([c.walked_m for c in crumbs])
+    return scale * xyz, np.array([c.yaw_rad for c in crumbs]), scale * np.array([c.walked_m for c in crumbs])
 
 
 @pytest.mark.parametrize("back", [3, 5, 10, 20, 29])
@@ -120,6 +159,16 @@ def test_who_says_so_late_turned_where_the_way_reverses(back: int) -> None:
 @pytest.mark.parametrize("back", [0, 1, 2, 40])
 def test_who_says_so_at_once_or_much_later_begins_there(back: int) -> None:
     assert reversal(*columns(back), 1.5) == OUT + back
+
+
+@pytest.mark.parametrize("back", [31, 32, 33])
+def test_nobody_looks_further_back_than_fifteen_metres(back: int) -> None:
+    assert reversal(*columns(back), 1.5) == OUT + back - 30
+
+
+def test_a_metre_and_a_fifth_back_may_be_a_reversal() -> None:
+    assert reversal(*columns(5, scale=0.49), 1.5) == OUT  # steps of 0.245 m
+    assert reversal(*columns(5, scale=0.47), 1.5) == OUT + 5
 
 
 def test_a_way_apart_is_no_reversal() -> None:

@@ -1,0 +1,80 @@
+"""Files and folders appear whole or not at all."""
+
+from pathlib import Path
+
+import pytest
+
+from fbgraph.core.errors import ConfigError
+from fbgraph.core.whole_writes import whole_file, whole_folder
+
+
+class BreakOffError(Exception):
+    """Something in the middle of writing."""
+
+
+def break_off(partial: Path) -> None:
+    partial.write_text("half")
+    raise BreakOffError
+
+
+def test_a_file_replaces_the_old_one_when_all_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "walk.csv"
+    for text in ("one", "two"):
+        with whole_file(path, make_parents=True) as partial:
+            partial.write_text(text)
+            assert not path.exists() or path.read_text() == "one"
+            assert partial.name == path.name
+        assert path.read_text() == text
+    assert [p.name for p in path.parent.iterdir()] == ["walk.csv"]
+
+
+def test_a_file_that_is_not_finished_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    path.write_text("old")
+    with pytest.raises(BreakOffError), whole_file(path) as partial:
+        break_off(partial)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_mistyped_folder_is_not_made(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot write there"), whole_file(tmp_path / "no" / "walk.csv"):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_replaces_the_old_one_but_for_what_is_kept(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    out.mkdir()
+    for name in ("raw.csv", "old.tum", "both.txt"):
+        (out / name).write_text("old")
+    with whole_folder(out, keep=("raw.csv", "both.txt", "never.was")) as partial:
+        (partial / "new.tum").write_text("new")
+        (partial / "both.txt").write_text("new")
+        assert (out / "old.tum").exists()
+    assert {p.name: p.read_text() for p in out.iterdir()} == {"raw.csv": "old", "new.tum": "new", "both.txt": "new"}
+    assert list(tmp_path.iterdir()) == [out]
+    assert out.stat().st_mode & 0o777 == 0o755
+
+
+def test_a_folder_that_is_not_finished_leaves_the_old_one(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / "raw.csv").write_text("old")
+    with pytest.raises(BreakOffError), whole_folder(out) as partial:
+        break_off(partial / "raw.csv")
+    assert (out / "raw.csv").read_text() == "old"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_where_nothing_can_be_written_that_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for whole in (whole_file, whole_folder):
+        with pytest.raises(ConfigError, match=r"file/walk: cannot write there: "), whole(tmp_path / "file" / "walk"):
+            raise AssertionError("never entered")
+    (tmp_path / "folder").mkdir()
+    with (
+        pytest.raises(ConfigError, match="folder: cannot write there: Is a directory"),
+        whole_file(tmp_path / "folder") as partial,
+    ):
+        partial.write_text("text")

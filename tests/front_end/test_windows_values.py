@@ -1,0 +1,46 @@
+"""Moments over a sliding window, against every window taken by itself."""
+
+import numpy as np
+import pytest
+
+from fbgraph.core.geometry import FloatArray
+from fbgraph.front_end.windows import WindowMoments
+
+
+def one_by_one(values: FloatArray, window: int) -> tuple[FloatArray, FloatArray]:
+    parts = [values[max(i - window + 1, 0) : i + 1] for i in range(len(values))]
+    return np.array([p.mean(axis=0) for p in parts]), np.array([p.var(axis=0) for p in parts])
+
+
+@pytest.mark.parametrize("window", [1, 7, 40])
+def test_mean_and_variance_are_those_of_the_last_samples(window: int) -> None:
+    values = np.random.default_rng(0).normal(5.0, 2.0, (100, 3))
+    mean, variance, count = WindowMoments(3, window).push(values)
+    expected = one_by_one(values, window)
+    assert np.allclose(mean, expected[0])
+    assert np.allclose(variance, expected[1])
+    assert count.tolist() == [min(i + 1, window) for i in range(100)]
+
+
+def test_any_chunks_give_the_same_bits() -> None:
+    values = np.random.default_rng(1).normal(5.0, 2.0, (200, 2))
+    whole = WindowMoments(2, 15).push(values)
+    for size in (1, 4, 14, 15, 16, 90):
+        window = WindowMoments(2, 15)
+        parts = [window.push(values[at : at + size]) for at in range(0, 200, size)]
+        for expected, found in zip(whole, zip(*parts, strict=True), strict=True):
+            assert np.array_equal(expected, np.concatenate(found)), size
+
+
+def test_nothing_in_nothing_out_and_nothing_remembered() -> None:
+    window, values = WindowMoments(1, 3), np.array([[1.0], [2.0], [6.0]])
+    for empty in window.push(np.empty((0, 1))):
+        assert len(empty) == 0
+    assert window.push(values)[0][:, 0].tolist() == [1.0, 1.5, 3.0]
+
+
+def test_a_large_offset_costs_no_digits() -> None:
+    values = np.random.default_rng(2).normal(0.0, 1e-3, (5000, 1))
+    variance = WindowMoments(1, 50).push(values + 1e6)[1]
+    assert np.allclose(variance, one_by_one(values, 50)[1], rtol=1e-3, atol=1e-10)
+    assert (WindowMoments(1, 50).push(np.full((500, 1), 1e6 + 0.1))[1] == 0.0).all()
