@@ -30,7 +30,7 @@ BriefSeconds = Annotated[float, Field(gt=0, le=10.0)]
 """No longer than the front end remembers."""
 Metres = Annotated[float, Field(gt=0, le=10.0)]
 """Of a step."""
-Sigma = Annotated[float, Field(ge=1e-6, le=1e4)]
+Sigma = Annotated[float, Field(ge=1e-6, le=1e9)]
 
 
 class Section(BaseModel):
