@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -43,6 +45,9 @@ class _Commands(TyperGroup):
         with _typed_shown():
             return super().invoke(ctx)
 
+
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a command."""
 
 app = typer.Typer(
     cls=_Commands,
@@ -113,8 +118,14 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # what an encoding cannot show is no reason to fail
+    for number in STOPPING:
+        signal.signal(number, _stop)
     try:
         app()
+    except _StoppedError as end:  # all is cleaned up; a solver in its thread is not waited for, nor torn down
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+        os._exit(int(end.code or 0))
     except FbgraphError as error:
         _fail(str(error), error.exit_code)
     except BrokenPipeError:
@@ -124,6 +135,16 @@ def main() -> None:
         if os.environ.get("FBGRAPH_DEBUG"):
             raise
         _fail(f"unexpected {type(error).__name__}: {error} (set FBGRAPH_DEBUG=1 for the traceback)", 1)
+
+
+class _StoppedError(SystemExit):
+    """A signal ended the command."""
+
+
+def _stop(number: int, _frame: object) -> None:
+    """End, cleaning up on the way: a run that was being written vanishes, the one before it stays."""
+    complain(f"stopped by {signal.Signals(number).name}; what was not finished was not written")
+    raise _StoppedError(128 + number)
 
 
 def _fail(message: str, code: int) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fbgraph.cli.app import (
+    STOPPING,
     AnchorsOption,
     ClosedLoopOption,
     ConfigOption,
@@ -228,17 +229,19 @@ def _speed(text: str) -> float:
 
 
 def _stop_on_signals() -> Callable[[], bool]:
-    """Whether SIGINT or SIGTERM came; a second one ends at once."""
+    """Whether a signal came that ends the walk; a second one ends the command at once."""
     import signal
 
     came: list[int] = []
+    before = {number: signal.getsignal(number) for number in STOPPING}
 
     def note(number: int, _frame: object) -> None:
         came.append(number)
-        signal.signal(number, signal.SIG_DFL)
+        for one, handler in before.items():
+            signal.signal(one, handler)
 
-    signal.signal(signal.SIGINT, note)
-    signal.signal(signal.SIGTERM, note)
+    for number in STOPPING:
+        signal.signal(number, note)
     return lambda: bool(came)
 
 
