@@ -16,7 +16,8 @@ from fbgraph.run.folder import claimed_live
 from fbgraph.session import follow_source, replay_log
 from fbgraph.simulator.files import write_m5stickc_csv
 from fbgraph.simulator.routes import load_route
-from fbgraph.simulator.simulate import SimulatedWalk, SimulateOptions, simulate
+from fbgraph.simulator.simulate import SimulatedWalk, simulate
+from fbgraph.simulator.simulate_options import SimulateOptions
 
 CONFIG = load_config("m5stickc")
 CUT_S = 30.0  # where the gap begins
@@ -30,8 +31,9 @@ def paused(log: SensorLog, gap_s: float) -> SensorLog:
     def late(stream: Stream) -> Stream:
         return Stream(stream.t_s + gap_s * (stream.t_s >= CUT_S), stream.values)
 
-    streams = {name: late(getattr(log, name)) for name in ("acc", "gyro", "mag", "pressure")}
-    return replace(log, events=(), **streams)
+    return replace(
+        log, events=(), acc=late(log.acc), gyro=late(log.gyro), mag=late(log.mag), pressure=late(log.pressure)
+    )
 
 
 def missed(log: SensorLog, gap_s: float) -> SensorLog:
@@ -52,7 +54,7 @@ def errors_sigma(walk: SimulatedWalk, smoothed: Trajectory, gap_s: float) -> Flo
     off -= off[0]
     after = smoothed.t_s > CUT_S + gap_s / 2.0
     cov = smoothed.cov_xy_yaw[after, :2, :2] + 0.1**2 * np.eye(2)
-    return np.sqrt(np.einsum("ni,nij,nj->n", off[after], np.linalg.inv(cov), off[after]))
+    return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", off[after], np.linalg.inv(cov), off[after])))
 
 
 def written(log: SensorLog, folder: Path) -> SensorLog:

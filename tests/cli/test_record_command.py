@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
-from support.commands import fbgraph, rrd
+from support.commands import fbgraph, fbgraph_process, rrd
 from support.recordings import entities
 
 
@@ -56,7 +56,7 @@ def test_record_refuses_another_walk_under_the_old_name(folder: Path, tmp_path: 
 def test_a_live_walk_is_recorded_again_from_its_raw_lines(folder: Path, tmp_path: Path) -> None:
     run = tmp_path / "live"
     lines = (folder / "walk.csv").read_text()
-    fbgraph("online", "--source", "stdin", "--out", run, stdin=lines)
+    fbgraph_process("online", "--source", "stdin", "--out", run, stdin=lines)
     found = entities(run / "recording.rrd")
     (run / "recording.rrd").unlink()
     fbgraph("record", run)
@@ -97,13 +97,13 @@ def test_without_rerun_a_walk_is_smoothed_and_says_so(folder: Path, tmp_path: Pa
     site.mkdir()
     (site / "sitecustomize.py").write_text("import sys\nsys.modules['rerun'] = None\n", "utf-8")
     run = tmp_path / "run"
-    printed = fbgraph("smooth", folder / "walk.csv", "--out", run, PYTHONPATH=str(site)).stdout
+    printed = fbgraph_process("smooth", folder / "walk.csv", "--out", run, PYTHONPATH=str(site)).stdout
     assert "rerun-sdk is not installed" in printed
     assert not (run / "recording.rrd").exists()
     assert (run / "smoothed.tum").read_text() == (folder / "smooth" / "smoothed.tum").read_text()
     assert "rerun-sdk" in json.loads((run / "summary.json").read_text())["warnings"][-1]
     for command in (("view", run), ("record", run), ("online", folder / "walk.csv", "--view")):
-        assert "rerun-sdk" in fbgraph(*command, code=2, PYTHONPATH=str(site)).stderr
+        assert "rerun-sdk" in fbgraph_process(*command, code=2, PYTHONPATH=str(site)).stderr
 
 
 def test_a_runs_own_files_are_not_written_over(folder: Path, tmp_path: Path) -> None:
@@ -124,9 +124,9 @@ def test_a_runs_own_files_are_not_written_over(folder: Path, tmp_path: Path) -> 
 def test_the_raw_lines_of_a_live_walk_are_never_replaced(folder: Path, tmp_path: Path) -> None:
     run = tmp_path / "live"
     lines = (folder / "walk.csv").read_text()
-    fbgraph("online", "--source", "stdin", "--out", run, stdin=lines)
+    fbgraph_process("online", "--source", "stdin", "--out", run, stdin=lines)
     assert "raw.csv" in fbgraph("smooth", run / "raw.csv", "--out", run, code=2).stderr
-    fbgraph("online", "--source", "stdin", "--out", run, stdin="", code=2)
+    fbgraph_process("online", "--source", "stdin", "--out", run, stdin="", code=2)
     assert (run / "raw.csv").read_text() == lines
     assert "--source" in fbgraph("online", folder / "walk.csv", "--resume", run, code=2).stderr
 

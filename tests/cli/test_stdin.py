@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.commands import fbgraph
+from support.commands import fbgraph, fbgraph_process
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("command", ["smooth", "online"])
 def test_standard_input_gives_the_walk_of_the_file(command: str, walk: Path, tmp_path: Path) -> None:
     fbgraph(command, walk, "--out", tmp_path / "file", "--no-recording")
-    fbgraph(command, "/dev/stdin", "--out", tmp_path / "pipe", "--no-recording", stdin=walk.read_text())
+    fbgraph_process(command, "/dev/stdin", "--out", tmp_path / "pipe", "--no-recording", stdin=walk.read_text())
     for name in ("smoothed.tum", "breadcrumbs.csv"):
         assert (tmp_path / "pipe" / name).read_bytes() == (tmp_path / "file" / name).read_bytes()
     summary = json.loads((tmp_path / "pipe" / "summary.json").read_text())
@@ -29,7 +29,7 @@ def test_standard_input_gives_the_walk_of_the_file(command: str, walk: Path, tmp
     assert summary["log"]["name"] == "stdin"
     again = fbgraph("record", tmp_path / "pipe", code=3)
     assert "smooth the log again" in again.stderr
-    other = fbgraph("smooth", "/dev/stdin", "--out", tmp_path / "pipe", stdin=walk.read_text(), code=2)
+    other = fbgraph_process("smooth", "/dev/stdin", "--out", tmp_path / "pipe", stdin=walk.read_text(), code=2)
     assert "--force replaces it" in other.stderr  # nobody knows whether it is the same log
 
 
@@ -49,7 +49,7 @@ def test_a_named_pipe_as_log_and_one_as_truth(walk: Path, tmp_path: Path) -> Non
 
 
 def test_empty_standard_input_and_devices_are_told(tmp_path: Path) -> None:
-    assert "is empty" in fbgraph("smooth", "/dev/stdin", "--out", tmp_path / "run", stdin="", code=3).stderr
+    assert "is empty" in fbgraph_process("smooth", "/dev/stdin", "--out", tmp_path / "run", stdin="", code=3).stderr
     assert "is a device" in fbgraph("smooth", "/dev/zero", "--out", tmp_path / "run", code=3).stderr
     assert "is a device" in fbgraph("study", "/dev/zero", "--out", tmp_path / "run", code=3).stderr
     assert "is a device" in fbgraph("smooth", "/dev/null", "--config", "/dev/zero", code=2).stderr

@@ -136,5 +136,5 @@ def test_a_file_that_says_less_is_refused_with_the_cause(tmp_path: Path, text: s
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="not a readable checkpoint CSV"):
+    with pytest.raises(DataError, match=r"nowhere\.csv: No such file or directory; check the path"):
         read_checkpoints(tmp_path / "nowhere.csv")

@@ -75,7 +75,7 @@ def test_overrides_reach_into_tables_in_order() -> None:
         ("steps.minrun=5", r"unknown key 'steps\.minrun'"),
         ("stps.min_run=5", r"unknown key 'stps'"),
         ("steps.min_run=1", r"steps\.min_run: .*greater than or equal to 2.* \(got 1\)"),
-        ("ekf.gate_sigma=0", r"ekf\.gate_sigma: .*greater than 0"),
+        ("ekf.gate_sigma=0", r"ekf\.gate_sigma: .*greater than or equal to 0\.000001"),
         ("steps.lambda_sigma=-0.1", r"steps\.lambda_sigma: .*greater than or equal to 0"),
         ("device.mount=[1.0, 2.0]", r"device\.mount\.2: Field required"),
         ("attitude.rate_hz=fast", r"attitude\.rate_hz: .*valid number"),

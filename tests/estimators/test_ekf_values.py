@@ -185,7 +185,6 @@ def test_after_a_gap_the_compass_is_taken_as_it_is() -> None:
     assert states[3].bias_rad_s == pytest.approx(-0.1 * 0.5 * p_bias / (p + 0.04))
 
 
-@pytest.mark.xfail(strict=True, reason="P_θb built up before the first compass outlives it")
 def test_the_first_compass_knows_nothing_of_the_bias() -> None:
     """From P_θθ = ∞ the update leaves P_θθ = R and P_θb = 0, however long the heading had been unknown."""
     steps = [stand(), *[make_step(yaw_s=0.5 * k) for k in range(1, 41)]]

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.commands import fbgraph
+from support.commands import fbgraph, fbgraph_process
 
 from fbgraph.recording.viewer import HOST, PORT, viewer_command
 
@@ -104,7 +104,7 @@ def test_a_live_viewer_is_started_here_and_shown_the_walk(
 
 def test_a_viewer_that_does_not_start_is_told(free_ports: None, tmp_path: Path, device_lines: list[str]) -> None:
     (tmp_path / "walk.csv").write_text("".join(device_lines))
-    done = fbgraph(
+    done = fbgraph_process(
         *("online", tmp_path / "walk.csv", "--out", tmp_path / "run", "--view", "--no-recording"),
         code=2,
         RERUN_CLI_PATH=shutil.which("false") or "false",

@@ -60,6 +60,7 @@ def made(**given: Any) -> WalkResult:
         "told": Told(truth=TRUTH),
         "seconds": {"steps": 0.12345, "smoother": 2.0},
         "inputs": RunInputs(log="/logs/walk.csv"),
+        "failed": {"online": "too late"},
         "turn_back": TURNED,
         "returning": RETURNING,
     }
@@ -77,6 +78,7 @@ STATE = {
     "end_2sigma_m": pytest.approx(0.8),
     "gyro_bias_deg_s": pytest.approx(math.degrees(0.01)),
     "rest_s": 2.5,
+    "failed": {"online": "too late"},
     "closed_walk": False,
     "anchors": 0,
     "truth": "truth.csv",

@@ -10,13 +10,14 @@ from pathlib import Path
 from unittest import mock
 
 from fbgraph import cli
+from fbgraph.cli.app import STOPPING
 
 
 def fbgraph(*arguments: object, code: int = 0, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """``fbgraph`` as typed, in this process, which spares starting one; it must end with this code."""
-    out, err = io.StringIO(), io.StringIO()
+    out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", newline="", write_through=True) for _ in range(2))
     typed = ["fbgraph", *map(str, arguments)]
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {number: signal.getsignal(number) for number in STOPPING}
     with (
         contextlib.chdir(cwd or Path.cwd()),
         mock.patch.object(sys, "argv", typed),
@@ -31,8 +32,9 @@ def fbgraph(*arguments: object, code: int = 0, cwd: Path | None = None) -> subpr
         finally:
             for number, handler in handlers.items():
                 signal.signal(number, handler)
-    assert ended == code, err.getvalue()
-    return subprocess.CompletedProcess(typed, code, out.getvalue(), err.getvalue())
+    stdout, stderr = (stream.buffer.getvalue().decode() for stream in (out, err))  # type: ignore[attr-defined]  # BytesIO
+    assert ended == code, stderr
+    return subprocess.CompletedProcess(typed, code, stdout, stderr)
 
 
 def fbgraph_process(
