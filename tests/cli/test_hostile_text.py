@@ -12,7 +12,7 @@ from typing import Any
 import gpxpy
 import numpy as np
 import pytest
-from support.commands import fbgraph
+from support.commands import fbgraph, fbgraph_process
 from support.hostile import (
     CLEAR,
     CLIPBOARD,
@@ -191,17 +191,16 @@ def test_a_pipe_that_closes_ends_quietly_and_loses_nothing(
 
 @pytest.mark.parametrize("environment", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}])
 def test_an_encoding_that_lacks_a_character_is_no_failure(
-    smoothed: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, environment: dict[str, str]
+    smoothed: tuple[Path, str], tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    for name, value in {**environment, "PYTHONCOERCECLOCALE": "0"}.items():
-        monkeypatch.setenv(name, value)
-    told = fbgraph("guide", smoothed[0]).stdout
+    environment = {**environment, "PYTHONCOERCECLOCALE": "0"}
+    told = fbgraph_process("guide", smoothed[0], **environment).stdout
     assert told.isascii()
     assert r"face 0" in told
     assert r"\xb0" in told  # °
-    said = fbgraph("guide", smoothed[0], "--format", "json").stdout
+    said = fbgraph_process("guide", smoothed[0], "--format", "json", **environment).stdout
     assert json.loads(said)["legs"][0]["instruction"].count("°") == 1
-    assert fbgraph("smooth", tmp_path / "Café.csv", code=3).stderr.isascii()
+    assert fbgraph_process("smooth", tmp_path / "Café.csv", code=3, **environment).stderr.isascii()
 
 
 def test_examples_of_formats_can_be_copied() -> None:

@@ -13,14 +13,12 @@ from support.results_by_hand import hand_result
 from fbgraph.core.config import Config, GraphConfig, load_config
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.trajectory import Trajectory, read_tum, write_tum
+from fbgraph.run.digests import noted_digests
 from fbgraph.run.folder import (
     BREADCRUMB_HEADER,
     RETURN_HEADER,
     RUN_FILES,
-    check_run_folder,
     require_free,
-    require_no_raw,
-    run_folder,
     write_breadcrumbs,
     write_returns,
     write_tables,
@@ -109,8 +107,11 @@ def test_a_run_holds_these_files(tmp_path: Path) -> None:
     assert np.loadtxt(tmp_path / "breadcrumbs.csv", delimiter=",", skiprows=1)[0, 1] == pytest.approx(1001.0)
     assert (tmp_path / "return.csv").read_text().splitlines()[1].startswith("1070.000000,60,1030.500000,")
     assert load_config(str(tmp_path / "config.toml")).graph.sigma_mag_rad == 0.123
-    assert json.loads((tmp_path / "summary.json").read_text()) == {"steps": 50}
-    assert (tmp_path / "summary.json").read_text() == '{\n  "steps": 50\n}\n'
+    text = (tmp_path / "summary.json").read_text()
+    assert text.startswith('{\n  "steps": 50,\n  "sha256": {\n    "breadcrumbs.csv": "')
+    summary = json.loads(text)
+    assert summary.pop("sha256") == noted_digests(tmp_path, summary)
+    assert summary == {"steps": 50}
 
 
 def test_without_a_way_back_there_is_no_return_csv(tmp_path: Path) -> None:
@@ -123,31 +124,6 @@ def test_run_files_are_these() -> None:
         *("pdr.tum", "ekf.tum", "smoothed.tum", "online.tum", "breadcrumbs.csv", "summary.json", "config.toml"),
         *("recording.rrd", "raw.csv", "return.csv"),
     } == RUN_FILES
-
-
-def test_only_a_run_is_replaced(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    check_run_folder(run)
-    run.mkdir()
-    check_run_folder(run)
-    (run / "ekf.tum").write_text("old")
-    check_run_folder(run)
-    with run_folder(run) as folder:
-        (folder / "summary.json").write_text("{}")
-    assert [path.name for path in run.iterdir()] == ["summary.json"]
-    (run / "thesis.doc").write_text("mine")
-    with pytest.raises(ConfigError, match="is not a run folder"), run_folder(run):
-        raise AssertionError
-    assert (run / "thesis.doc").read_text() == "mine"
-    with pytest.raises(ConfigError, match="is not a run folder"):
-        check_run_folder(run / "thesis.doc")
-
-
-def test_a_live_walks_only_copy_is_kept(tmp_path: Path) -> None:
-    require_no_raw(tmp_path)
-    (tmp_path / "raw.csv").write_text("t_ms")
-    with pytest.raises(ConfigError, match=r"holds raw\.csv, the only copy of a live walk"), run_folder(tmp_path):
-        raise AssertionError
 
 
 def test_a_runs_own_files_are_not_written_onto(tmp_path: Path) -> None:

@@ -277,7 +277,10 @@ def test_the_summary_for_people(summary: dict[str, Any]) -> None:
     ]
     assert "Errors are horizontal, at the truth's checkpoints after the first; “last” is at the last of them." in lines
     at = lines.index("## Warnings")
-    assert lines[at + 1] == "- something assumed"
+    assert lines[at + 1 : at + 3] == [
+        "- the online trajectory is missing, its estimator failed: too late",
+        "- something assumed",
+    ]
     worth = lines[lines.index("## Worth a look") + 1 :]
     assert worth[0] == "- 1 to 31 s: the smoothed walk is further from the truth than its 2σ at 2 of 3 checkpoints"
     assert worth[1] == "- 9 s: gap in the log: direction across it is the compass's"

@@ -15,7 +15,8 @@ from fbgraph.cli.app import STOPPING
 
 def fbgraph(*arguments: object, code: int = 0, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """``fbgraph`` as typed, in this process, which spares starting one; it must end with this code."""
-    out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", newline="", write_through=True) for _ in range(2))
+    written = io.BytesIO(), io.BytesIO()
+    out, err = (io.TextIOWrapper(data, "utf-8", newline="", write_through=True) for data in written)
     typed = ["fbgraph", *map(str, arguments)]
     handlers = {number: signal.getsignal(number) for number in STOPPING}
     with (
@@ -32,7 +33,7 @@ def fbgraph(*arguments: object, code: int = 0, cwd: Path | None = None) -> subpr
         finally:
             for number, handler in handlers.items():
                 signal.signal(number, handler)
-    stdout, stderr = (stream.buffer.getvalue().decode() for stream in (out, err))  # type: ignore[attr-defined]  # BytesIO
+    stdout, stderr = (data.getvalue().decode() for data in written)
     assert ended == code, stderr
     return subprocess.CompletedProcess(typed, code, stdout, stderr)
 
