@@ -15,6 +15,8 @@ from fbgraph.front_end.leveller import Leveller
 from fbgraph.front_end.signals import LevelledSignals
 from fbgraph.front_end.track import Step, StepTrack
 
+_SLOWEST_HZ = 5.0  # of samples that show steps at 2 Hz
+
 
 class FrontEnd:
     """Samples in, steps out."""
@@ -48,8 +50,21 @@ def detect_steps(log: SensorLog, config: Config) -> tuple[StepTrack, LevelledSig
     last_steps, last_signals = front_end.finish()
     steps += last_steps
     if not steps:
-        raise DataError(
-            f"{log.name}: no step found in {log.duration_s:.1f} s; nobody walks in this log, or steps.min_rise_m_s2 "
-            "or steps.lambda_sigma is too high for this device"
-        )
+        raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log)}")
     return StepTrack(steps), LevelledSignals.concatenate([signals, last_signals])
+
+
+def _why_none(log: SensorLog) -> str:
+    """What is most likely wrong with a log without steps, and what to do."""
+    left_out = log.counts.get("rows_impossible", 0)
+    if left_out > 0.05 * len(log.acc):
+        return (
+            f"{left_out} rows were left out, no sensor gives such values: check the columns of accelerometer and "
+            "gyroscope and their units"
+        )
+    if log.acc.rate_hz < _SLOWEST_HZ:
+        return (
+            f"the accelerometer runs at {log.acc.rate_hz:.3g} Hz, too slow to show steps: check the unit of the time "
+            "column, or record faster"
+        )
+    return "nobody walks in this log, or steps.min_rise_m_s2 or steps.lambda_sigma is too high for this device"

@@ -104,7 +104,8 @@ def assemble(raw: RawLog, path: Path, format_name: str) -> LogFile:
         if name not in clean or len(clean[name].t_ns) == 0:
             why = ", ".join(f"{number} {reason}" for reason, number in counts.items()) or "none in the file"
             raise DataError(
-                f"{path}: no usable {_SENSORS[name]} samples ({why}); a walk cannot be reconstructed without them"
+                f"{path}: no usable {_SENSORS[name]} samples ({why}); a walk cannot be reconstructed without them: "
+                "check its columns and their unit"
             )
     clean = _same_time(clean, counts, notices)
     for name in ("acc", "gyro"):
@@ -113,7 +114,7 @@ def assemble(raw: RawLog, path: Path, format_name: str) -> LogFile:
         if len(t_ns) < MIN_SAMPLES or seconds < MIN_DURATION_S:
             raise DataError(
                 f"{path}: only {len(t_ns)} {_SENSORS[name]} samples over {seconds:.2f} s while the accelerometer ran; "
-                "too short to hold a walk"
+                "too short to hold a walk: record a longer one"
             )
     t0_ns = min(int(clean["acc"].t_ns[0]), int(clean["gyro"].t_ns[0]))
     end_ns = max(int(clean["acc"].t_ns[-1]), int(clean["gyro"].t_ns[-1]))
@@ -319,7 +320,7 @@ def drop_repeats(stream: RawStream) -> RawStream:
     pressure does not look like a dead sensor.
     """
     changed = np.ones(len(stream.t_ns), dtype=bool)
-    changed[1:] = (np.diff(stream.values, axis=0) != 0).any(axis=1)
+    changed[1:] = (stream.values[1:] != stream.values[:-1]).any(axis=1)
     if changed.mean() > 0.5:
         return stream
     changed[1:] |= np.diff(stream.t_ns // 1_000_000_000) != 0
