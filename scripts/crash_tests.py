@@ -69,78 +69,93 @@ def leftovers(folder: Path) -> list[str]:
 
 def cases(base: Path) -> list[Case]:
     """All cases, made in ``base``: two logs, their runs, a live walk broken off."""
-    for seed in (1, 2):
-        run(base, ("simulate", f"{seed}.csv", "--route", "square", "--seed", str(seed)))
-        run(base, ("smooth", f"{seed}.csv", "--out", f"run{seed}"))
-    run(base, ("online", "1.csv", "--out", "online1"))
-    run(base, STUDY)
-    raw = (base / "1.csv").read_bytes()
-    half = raw.rfind(b"\n", 0, len(raw) // 2) + 1
-    run(base, ("online", "--source", "stdin", "--out", "live", "--no-recording"), raw)
+    made = Base(base)
+    live, raw, half = ("online", "--source", "stdin", "--no-recording"), made.raw, made.half
+    over = ("--out", "run", "--force")
+    return [
+        Case("smooth, nothing there", ("smooth", "1.csv", "--out", "run"), made.has(), made.one_of("run1", "")),
+        Case("smooth over a run", ("smooth", "1.csv", *over), made.old_run, made.one_of("run1", "run2")),
+        Case("replay over a run", ("online", "1.csv", *over), made.old_run, made.one_of("online1", "run2")),
+        Case("live", (*live, "--out", "live"), made.has(), recorded(raw, b""), raw),
+        Case("live, resumed", (*live, "--resume", "live"), made.begun, recorded(raw[half:], raw[:half]), raw[half:]),
+        Case("record", ("record", "run1"), made.has("run1"), a_recording),
+        Case("study", STUDY, made.has(), made.a_study),
+    ]
 
-    def has(*names: str) -> Callable[[Path], None]:
+
+class Base:
+    """What the cases are made of: two logs, a run of each, a replay, a study, the lines of a live walk.
+
+    Attributes:
+        raw: the first log.
+        half: where its lines are broken off.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Make it in a folder."""
+        self._folder = folder
+        for seed in (1, 2):
+            run(folder, ("simulate", f"{seed}.csv", "--route", "square", "--seed", str(seed)))
+            run(folder, ("smooth", f"{seed}.csv", "--out", f"run{seed}"))
+        run(folder, ("online", "1.csv", "--out", "online1"))
+        run(folder, STUDY)
+        self.raw = (folder / "1.csv").read_bytes()
+        self.half = self.raw.rfind(b"\n", 0, len(self.raw) // 2) + 1
+        run(folder, ("online", "--source", "stdin", "--out", "live", "--no-recording"), self.raw)
+
+    def has(self, *names: str) -> Callable[[Path], None]:
+        """Puts the logs, and what else is named, into a folder."""
+
         def prepare(folder: Path) -> None:
             for name in ("1.csv", "2.csv", *names):
-                source, target = base / name, folder / name.removesuffix("=")
-                (shutil.copytree if source.is_dir() else shutil.copyfile)(source, target)
+                source = self._folder / name
+                (shutil.copytree if source.is_dir() else shutil.copyfile)(source, folder / name)
 
         return prepare
 
-    def one_of(place: str, *runs: str) -> Callable[[Path], str]:
-        """The place holds one of these runs, byte for byte in what is not timed."""
+    def old_run(self, folder: Path) -> None:
+        """The run of the other log is there."""
+        self.has()(folder)
+        shutil.copytree(self._folder / "run2", folder / "run")
 
-        def whole(folder: Path) -> str:
-            there = [name for name in runs if name and same_run(folder / place, base / name)]
-            absent = "" in runs and not (folder / place).exists()
-            return "" if there or absent else f"{place} is neither of {runs}: {listing(folder / place)}"
-
-        return whole
-
-    def old_run(folder: Path) -> None:
-        has()(folder)
-        shutil.copytree(base / "run2", folder / "run")
-
-    def begun(folder: Path) -> None:
-        has()(folder)
+    def begun(self, folder: Path) -> None:
+        """Half of a live walk is there."""
+        self.has()(folder)
         (folder / "live").mkdir()
-        (folder / "live" / "raw.csv").write_bytes(raw[:half])
-        shutil.copyfile(base / "live" / "config.toml", folder / "live" / "config.toml")
+        (folder / "live" / "raw.csv").write_bytes(self.raw[: self.half])
+        shutil.copyfile(self._folder / "live" / "config.toml", folder / "live" / "config.toml")
 
-    def recorded(sent: bytes, before: bytes) -> Callable[[Path], str]:
-        """The lines of the walk: what was there before is, and what more is there is what was sent, in order."""
+    def one_of(self, *runs: str) -> Callable[[Path], str]:
+        """``run`` is one of these, byte for byte in what is not timed; "" for not there."""
 
         def whole(folder: Path) -> str:
-            path = folder / "live" / "raw.csv"
-            there = path.read_bytes() if path.exists() else b""
-            return "" if there.startswith(before) and (before + sent).startswith(there) else "raw.csv is another walk"
+            there = [name for name in runs if name and same_run(folder / "run", self._folder / name)]
+            absent = "" in runs and not (folder / "run").exists()
+            return "" if there or absent else f"run is neither of {runs}: {listing(folder / 'run')}"
 
         return whole
 
-    def a_recording(folder: Path) -> str:
-        command = [sys.executable, "-m", "rerun", "rrd", "verify", str(folder / "run1" / "recording.rrd")]
-        return "" if subprocess.run(command, capture_output=True, check=False).returncode == 0 else "a broken recording"
-
-    def a_study(folder: Path) -> str:
-        there, known = listing(folder / "study"), listing(base / "study")
+    def a_study(self, folder: Path) -> str:
+        """The study is whole, or not there."""
+        there, known = listing(folder / "study"), listing(self._folder / "study")
         return "" if there in (known, ["absent"]) else f"half a study: {there}"
 
-    live = ("online", "--source", "stdin", "--no-recording")
-    return [
-        Case("smooth, nothing there", ("smooth", "1.csv", "--out", "run"), has(), one_of("run", "run1", "")),
-        Case(
-            "smooth over a run", ("smooth", "1.csv", "--out", "run", "--force"), old_run, one_of("run", "run1", "run2")
-        ),
-        Case(
-            "replay over a run",
-            ("online", "1.csv", "--out", "run", "--force"),
-            old_run,
-            one_of("run", "online1", "run2"),
-        ),
-        Case("live", (*live, "--out", "live"), has(), recorded(raw, b""), raw),
-        Case("live, resumed", (*live, "--resume", "live"), begun, recorded(raw[half:], raw[:half]), raw[half:]),
-        Case("record", ("record", "run1"), has("run1"), a_recording),
-        Case("study", STUDY, has(), a_study),
-    ]
+
+def recorded(sent: bytes, before: bytes) -> Callable[[Path], str]:
+    """The lines of the walk: what was there before is, and what more is there is what was sent, in order."""
+
+    def whole(folder: Path) -> str:
+        path = folder / "live" / "raw.csv"
+        there = path.read_bytes() if path.exists() else b""
+        return "" if there.startswith(before) and (before + sent).startswith(there) else "raw.csv is another walk"
+
+    return whole
+
+
+def a_recording(folder: Path) -> str:
+    """The recording can be read."""
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(folder / "run1" / "recording.rrd")]
+    return "" if subprocess.run(command, capture_output=True, check=False).returncode == 0 else "a broken recording"
 
 
 def listing(folder: Path) -> list[str]:

@@ -34,7 +34,7 @@ from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import preset, read_log
 from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.reading import read_directions, read_summary, read_trajectory, score_run
+from fbgraph.run.reading import read_directions, read_run, read_summary, score_run, trajectory_of
 from fbgraph.simulator.files import write_m5stickc_csv, write_truth_csv
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate
@@ -43,10 +43,14 @@ from fbgraph.study.layout import load_layout
 SPRINT_M_S = 12.5
 LIMIT_S, LIMIT_KB = 10, 1 << 20
 SMOOTHED_EVERY = 10  # logs that are read well are smoothed this often
-ODD = """0 -0 1 -1 nan NaN inf -inf 1e308 -1e308 1e-308 1e400 0x10 1_000 9999999999999999999999 99999999999999 -5 3.5.1 1,5
-- None null N/A "" " ' ; , \t # % \\ \x00 \x1b[2J ‮ é ² ١ True [1] {} =1+1 ../.. /dev/null 1e15 4294967296 65535""".split(
-    " "
+# fmt: off
+ODD = (
+    "0", "-0", "1", "-1", "nan", "NaN", "inf", "-inf", "1e308", "-1e308", "1e-308", "1e400", "0x10", "1_000",
+    "9999999999999999999999", "99999999999999", "-5", "3.5.1", "1,5", "-", "1\n5", "None", "null", "N/A",
+    "\"\"", "\"", "'", ";", ",", "\t", "#", "%", "\\", "\x00", "\x1b[2J", "\u202e", "\xe9", "\xb2", "\u0661", "True", "[1]", "{}",
+    "=1+1", "../..", "/dev/null", "1e15", "4294967296", "65535",
 )
+# fmt: on
 
 
 def gsd_lines(log: SensorLog) -> str:
@@ -199,10 +203,12 @@ class Work:
         name = rng.choice(sorted(p.name for p in run.iterdir()))
         (run / name).write_bytes(mutated(rng, (run / name).read_bytes()))
         read_summary(run)
+        saved = read_run(run)
         for estimator in ("smoothed", "ekf"):
-            require_believable(read_trajectory(run, estimator).xy_m, read_trajectory(run, estimator).t_s)
-        read_directions(run)
-        score_run(run, read_checkpoints(self.folder / "truth.csv"))
+            trajectory = trajectory_of(saved, estimator)
+            require_believable(trajectory.xy_m, trajectory.t_s)
+        read_directions(saved)
+        score_run(saved, read_checkpoints(self.folder / "truth.csv"))
 
 
 def believable(log: SensorLog, config: Config, told: Told, by_config: bool = False) -> None:
@@ -235,8 +241,8 @@ def one_process(given: tuple[int, int, float]) -> tuple[int, Counter[str], list[
     done = 0
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         work = Work(Path(folder))
-        kinds: list[Callable[[random.Random], None]] = [work.a_log] * 5 + [work.a_configuration, work.places]
-        kinds += [work.a_mapping, work.a_run, work.a_run]
+        kinds: list[Callable[[random.Random], None]] = [work.a_configuration, work.places, work.a_mapping]
+        kinds += [*[work.a_log] * 5, *[work.a_run] * 2]
         while done < count and time.monotonic() < until_s:
             rng = random.Random(f"{seed}-{done}")
             kind = rng.choice(kinds)

@@ -189,18 +189,29 @@ def test_a_pipe_that_closes_ends_quietly_and_loses_nothing(
     assert steps[0] == steps[1] > 20
 
 
-@pytest.mark.parametrize("environment", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}])
+@pytest.mark.parametrize(
+    ("io_encoding", "locale", "utf8_mode"), [("ascii", "C.UTF-8", "1"), ("", "C", "0")], ids=["ascii", "C"]
+)
 def test_an_encoding_that_lacks_a_character_is_no_failure(
-    smoothed: tuple[Path, str], tmp_path: Path, environment: dict[str, str]
+    smoothed: tuple[Path, str], tmp_path: Path, io_encoding: str, locale: str, utf8_mode: str
 ) -> None:
-    environment = {**environment, "PYTHONCOERCECLOCALE": "0"}
-    told = fbgraph_process("guide", smoothed[0], **environment).stdout
+    def ended(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
+        return fbgraph_process(
+            *arguments,
+            code=code,
+            PYTHONIOENCODING=io_encoding,
+            LC_ALL=locale,
+            PYTHONUTF8=utf8_mode,
+            PYTHONCOERCECLOCALE="0",
+        )
+
+    told = ended("guide", smoothed[0]).stdout
     assert told.isascii()
     assert r"face 0" in told
     assert r"\xb0" in told  # °
-    said = fbgraph_process("guide", smoothed[0], "--format", "json", **environment).stdout
+    said = ended("guide", smoothed[0], "--format", "json").stdout
     assert json.loads(said)["legs"][0]["instruction"].count("°") == 1
-    assert fbgraph_process("smooth", tmp_path / "Café.csv", code=3, **environment).stderr.isascii()
+    assert ended("smooth", tmp_path / "Café.csv", code=3).stderr.isascii()
 
 
 def test_examples_of_formats_can_be_copied() -> None:

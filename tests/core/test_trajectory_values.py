@@ -74,7 +74,9 @@ def test_a_tum_file_reads_back_as_it_was(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["1 2 3\n", "one two three four five six seven eight\n"])
 def test_a_file_that_is_no_tum_file_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "walk.tum").write_text(text)
-    with pytest.raises(DataError, match=r"walk\.tum: line 1: expected 8 numbers \(t x y z qx qy qz qw\), found '(1|one)"):
+    with pytest.raises(
+        DataError, match=r"walk\.tum: line 1: expected 8 numbers \(t x y z qx qy qz qw\), found '(1|one)"
+    ):
         read_tum(tmp_path / "walk.tum")
     with pytest.raises(DataError, match=r"nowhere\.tum: not readable as .*No such file"):
         read_tum(tmp_path / "nowhere.tum")

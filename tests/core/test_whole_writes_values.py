@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fbgraph.core.errors import ConfigError
-from fbgraph.core.whole_writes import whole_file, whole_folder
+from fbgraph.core.whole_writes import is_leftover, locked, real_place, whole_file, whole_folder
 
 
 class BreakOffError(Exception):
@@ -78,3 +78,54 @@ def test_where_nothing_can_be_written_that_is_said(tmp_path: Path) -> None:
         whole_file(tmp_path / "folder") as partial,
     ):
         partial.write_text("text")
+
+
+@pytest.mark.parametrize("offered", [True, False])
+def test_one_folder_takes_the_place_of_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offered: bool) -> None:
+    """In one step, or in three where the system cannot exchange two."""
+    if not offered:
+        monkeypatch.setattr("sys.platform", "other")
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / "old").write_text("old")
+    with whole_folder(out) as partial:
+        (partial / "new").write_text("new")
+    assert [path.name for path in out.iterdir()] == ["new"]
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_what_must_stay_is_looked_at_first_and_last(tmp_path: Path) -> None:
+    looked: list[Path] = []
+    with whole_folder(tmp_path / "a" / ".." / "run", check=looked.append):
+        assert looked == [tmp_path / "run"]
+    assert looked == [tmp_path / "run"] * 2
+
+
+def test_a_file_that_another_holds_is_not_written(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    with locked(path) as place:
+        assert place == path
+        with (
+            pytest.raises(ConfigError, match=r"walk\.csv: another fbgraph \(process \d+\) is writing there"),
+            whole_file(path),
+        ):
+            raise AssertionError("never entered")
+    with whole_file(path) as partial:
+        partial.write_text("text")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_links_and_dots_are_followed(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "there")
+    assert real_place(tmp_path / "link" / "run") == tmp_path / "there" / "run"
+    assert real_place(tmp_path / "no" / ".." / "run") == tmp_path / "run"
+    for place in (Path(), Path(".."), Path("/"), Path.cwd()):
+        with pytest.raises(ConfigError, match="that is the current folder or one above it; name a folder of its own"):
+            real_place(place)
+
+
+def test_leftovers_are_known_by_their_names() -> None:
+    assert [is_leftover(name) for name in (".run.fbgraph-lock", ".run.fbgraph-x1", "run.fbgraph-x1", ".run")] == [
+        *(True, True, False, False)
+    ]

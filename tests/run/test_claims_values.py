@@ -125,18 +125,28 @@ def test_a_live_walk_of_which_nothing_came_may_be_replaced(tmp_path: Path) -> No
 def test_what_came_meanwhile_stays(tmp_path: Path) -> None:
     """The place is looked at again just before it is replaced."""
     place = tmp_path / "run"
-    with pytest.raises(ConfigError, match="is not a run folder"), claimed_run(place) as claim, claim.written():
-        place.mkdir()
-        (place / "thesis.doc").write_text("mine")
+
+    def too_late() -> None:
+        with claimed_run(place) as claim, claim.written():
+            place.mkdir()
+            (place / "thesis.doc").write_text("mine")
+
+    with pytest.raises(ConfigError, match="is not a run folder"):
+        too_late()
     assert contents(place) == {"thesis.doc": b"mine"}
 
 
 def test_a_run_that_breaks_off_leaves_the_old_one(tmp_path: Path) -> None:
     run = a_run(tmp_path / "run")
     before = contents(run)
-    with pytest.raises(KeyboardInterrupt), claimed_run(run) as claim, claim.written() as folder:
-        (folder / "summary.json").write_text("half")
-        raise KeyboardInterrupt
+
+    def half() -> None:
+        with claimed_run(run) as claim, claim.written() as folder:
+            (folder / "summary.json").write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        half()
     assert contents(run) == before
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 

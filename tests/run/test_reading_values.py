@@ -12,6 +12,7 @@ from support.results_by_hand import hand_log, hand_result, with_cov
 
 from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import checkpoints
+from fbgraph.core.config import Config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.log import Event
@@ -23,11 +24,13 @@ from fbgraph.run.reading import (
     read_directions,
     read_events,
     read_georeference,
+    read_run,
     read_summary,
-    read_trajectory,
     score_run,
+    trajectory_of,
 )
 from fbgraph.run.summary import summarize
+from fbgraph.way_back.legs import Directions
 
 EL = with_cov(way_along((0.0, 0.0), (20.0, 0.0), (20.0, 10.0), t0_s=1.0))
 PDR = way_along((0.0, 0.0), (30.0, 0.0), t0_s=1.0)
@@ -45,13 +48,19 @@ def run(tmp_path: Path) -> Path:
 
 
 def edit(run: Path, **changes: Any) -> None:
-    """Change entries of the summary."""
+    """Change entries of the summary by hand, so that its digests no longer hold."""
     summary = json.loads((run / "summary.json").read_text())
+    summary.pop("sha256", None)
     (run / "summary.json").write_text(json.dumps(summary | changes))
 
 
+def directions(run: Path, *given: Any) -> Directions:
+    """The way of a run folder."""
+    return read_directions(read_run(run), *given)
+
+
 def test_every_column_of_breadcrumbs_is_read(tmp_path: Path) -> None:
-    row = "1,100.5,1.0,2.0,3.0,0.5,0.004,0.3,0.4,0.05,0.6,0.07"
+    row = "0,100.5,1.0,2.0,3.0,0.5,0.004,0.3,0.4,0.05,0.6,0.07"
     (tmp_path / "b.csv").write_text(f"{BREADCRUMB_HEADER}\n{row}\n")
     way = read_breadcrumbs(tmp_path / "b.csv")
     columns = (way.t_s, way.x_m, way.y_m, way.z_m, way.yaw_rad, way.gyro_bias_rad_s)
@@ -68,52 +77,81 @@ def test_every_column_of_breadcrumbs_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("k,t_s\n", "its header is not that of breadcrumbs"),
-        (f"{BREADCRUMB_HEADER}\n", "a header and no row"),
-        (f"{BREADCRUMB_HEADER}\n1,2,3\n", "not enough values to unpack"),
-        (f"{BREADCRUMB_HEADER}\nx,y\n", "could not convert"),
+        ("k,t_s\n", "its header is not k,t_s"),
+        (f"{BREADCRUMB_HEADER}\n", "no row in it"),
     ],
 )
 def test_what_is_no_table_of_breadcrumbs_is_refused(tmp_path: Path, text: str, reason: str) -> None:
     (tmp_path / "b.csv").write_text(text)
     with pytest.raises(DataError, match=f"b.csv: not readable as breadcrumbs: {reason}"):
         read_breadcrumbs(tmp_path / "b.csv")
-    with pytest.raises(DataError, match="No such file"):
+    with pytest.raises(DataError, match=r"c\.csv: not readable as breadcrumbs: .*No such file"):
         read_breadcrumbs(tmp_path / "c.csv")
 
 
+ROW = "0,100.5,1.0,2.0,3.0,0.5,0.004,0.3,0.4,0.05,0.6,0.07"
+
+
+@pytest.mark.parametrize(
+    ("cells", "reason"),
+    [
+        ("1,2,3", "line 3: expected 12 numbers"),
+        (ROW.replace("100.5", "x"), "line 3: expected 12 numbers"),
+        (ROW, "line 3: its number k does not follow that of the line before"),
+        ("1" + ROW[1:], "line 3: its time is not later than that of the line before"),
+        ("1,inf" + ROW[7:], "line 3: not all of its numbers are finite"),
+        ("1,101" + ROW[7:].replace("0.07", "-0.07"), "line 3: its standard deviations cannot be"),
+        ("1,101" + ROW[7:].replace("0.4,", "1e6,"), "line 3: its standard deviations cannot be"),
+        ("1,101" + ROW[7:].replace("0.6,", "nan,"), "line 3: its sigma_z_m cannot be"),
+        ("1,101" + ROW[7:].replace("0.05,", "0.12001,"), "line 3: its cov_xy_m2 cannot be"),
+        ("1,101" + ROW[7:].replace("0.05,", "nan,"), "line 3: its cov_xy_m2 cannot be"),
+    ],
+)
+def test_a_row_that_cannot_be_is_told_by_its_line(tmp_path: Path, cells: str, reason: str) -> None:
+    (tmp_path / "b.csv").write_text(f"{BREADCRUMB_HEADER}\n{ROW}\n{cells}\n")
+    with pytest.raises(DataError, match=f"b.csv: {reason}"):
+        read_breadcrumbs(tmp_path / "b.csv")
+
+
+def test_a_row_that_may_be_is_read_and_one_cut_off_is_not(tmp_path: Path) -> None:
+    second = "1,101" + ROW[7:].replace("0.05,", "-0.12,").replace("0.6,", "999999,")
+    (tmp_path / "b.csv").write_text(f"{BREADCRUMB_HEADER}\n{ROW}\n{second}\n")
+    assert len(read_breadcrumbs(tmp_path / "b.csv")) == 2
+    (tmp_path / "b.csv").write_text(f"{BREADCRUMB_HEADER}\n{ROW}\n{second}")
+    with pytest.raises(DataError, match="line 3: cut off in its middle"):
+        read_breadcrumbs(tmp_path / "b.csv")
+
+
 def test_trajectories_are_on_the_event_clock(run: Path) -> None:
-    assert read_trajectory(run, "pdr").x_m[-1] == pytest.approx(30.0)
-    assert read_trajectory(run, "pdr").t_s[0] == pytest.approx(T0_S + 1.0)
-    smoothed = read_trajectory(run, "smoothed")
+    saved = read_run(run)
+    assert saved.folder == run
+    assert set(saved.digests) == {path.name for path in run.iterdir()}
+    assert saved.read_config() == Config()
+    assert trajectory_of(saved, "pdr").x_m[-1] == pytest.approx(30.0)
+    assert trajectory_of(saved, "pdr").t_s[0] == pytest.approx(T0_S + 1.0)
+    smoothed = trajectory_of(saved, "smoothed")
     assert smoothed.cov_xy_yaw is not None
     assert smoothed.cov_xy_yaw[7, 1, 1] == pytest.approx(0.16)
     with pytest.raises(ConfigError, match="unknown estimator 'gps': expected one of pdr, ekf, smoothed, online"):
-        read_trajectory(run, "gps")
+        trajectory_of(saved, "gps")
     with pytest.raises(DataError, match="this run has no online trajectory, only pdr, ekf, smoothed"):
-        read_trajectory(run, "online")
-    (run / "a").mkdir()
-    with pytest.raises(DataError, match="only none at all"):
-        read_trajectory(run / "a", "online")
+        trajectory_of(saved, "online")
 
 
 def test_events_have_a_time_and_a_printable_label() -> None:
     events = [{"t_s": 7, "label": " a\x00b "}, {"t_s": 8.5, "label": "\x07"}, {"t_s": 9, "label": "c"}]
     assert read_events({"log": {"events": events}}) == [(7.0, "ab"), (9.0, "c")]
-    assert read_events({"log": {"events": 3}}) == read_events({"log": {}}) == []
+    assert read_events({"log": {"events": 3}}) == read_events({"log": {}}) == []  # early versions counted them
 
 
 def test_where_on_earth_is_read() -> None:
-    summary = {"georeference": {"lat_deg": 49.5, "lon_deg": "11.25"}}
-    assert read_georeference(summary, "run") == Georeference(49.5, 11.25)
-    assert read_georeference({}, "run") is None
-    for entry in ({"lat_deg": 49.5}, {"lat_deg": "x", "lon_deg": 1}, 5):
-        with pytest.raises(DataError, match="run: its georeference is not lat_deg and lon_deg in degrees"):
-            read_georeference({"georeference": entry}, "run")
+    summary = {"georeference": {"lat_deg": 49.5, "lon_deg": 11}}
+    assert read_georeference(summary) == Georeference(49.5, 11.0)
+    assert read_georeference({}) is read_georeference({"georeference": None}) is None
 
 
 def test_the_way_of_a_run_has_its_landmarks_and_its_name(run: Path) -> None:
-    way = read_directions(run)
+    way = directions(run)
     assert way.name == "hand (smoothed)"
     assert [leg.length_m for leg in way.legs] == pytest.approx([20.0, 10.0])
     ((mark,), ()) = (leg.landmarks for leg in way.legs)
@@ -123,18 +161,19 @@ def test_the_way_of_a_run_has_its_landmarks_and_its_name(run: Path) -> None:
     assert way.legs[0].sigma_along_m is not None
     assert way.pace_m == pytest.approx(0.5)
     assert way.sigma_m == pytest.approx(1.0)
-    assert len(read_directions(run, "pdr", 0.7).legs) == 1
-    assert read_directions(run, "pdr", 0.7).pace_m == 0.7
-    assert read_directions(run, "pdr").legs[0].sigma_along_m is None
+    assert len(directions(run, "pdr", 0.7).legs) == 1
+    assert directions(run, "pdr", 0.7).pace_m == 0.7
+    assert directions(run, "pdr").legs[0].sigma_along_m is None
 
 
 def test_the_weights_are_those_of_the_runs_own_configuration(run: Path) -> None:
+    edit(run)
     config = (run / "config.toml").read_text()
     steps_m = 0.08 * 0.5 * math.sqrt(40)
     for scale, free_m in ((0.01, math.hypot(steps_m, 0.2)), (0.02, math.hypot(steps_m, 0.4)), (0.06, 0.6)):
         # with the usual weights it is more than the 0.3 m of both ends together
         (run / "config.toml").write_text(config.replace("sigma_length_scale = 0.06", f"sigma_length_scale = {scale}"))
-        along = read_directions(run).legs[0].sigma_along_m
+        along = directions(run).legs[0].sigma_along_m
         assert along == pytest.approx(math.hypot(free_m, 0.5 / math.sqrt(6.0)), abs=1e-4)
 
 
@@ -143,25 +182,48 @@ def test_without_a_compass_only_anchors_know_north(run: Path) -> None:
     log = {**summary["log"], "samples": {"mag": 0}}
     for anchors, compass in ((0, False), (1, False), (2, True)):
         edit(run, log=log, anchors=anchors)
-        assert read_directions(run).compass == compass
-        assert not read_directions(run, "pdr").compass
+        assert directions(run).compass == compass
+        assert not directions(run, "pdr").compass
     edit(run, log={**log, "samples": {"mag": 1}}, anchors=0)
-    assert read_directions(run, "pdr").compass
+    assert directions(run, "pdr").compass
 
 
 def test_breadcrumbs_of_another_walk_are_refused(run: Path) -> None:
     edit(run, steps=59)
-    with pytest.raises(DataError, match="61 breadcrumbs, but 59 steps: smooth the log again"):
-        read_directions(run)
+    with pytest.raises(
+        DataError, match=r"pdr\.tum: 61 breadcrumbs, but by summary\.json 59 steps; smooth the log again"
+    ):
+        read_run(run)
+
+
+def test_a_run_is_as_it_was_written_or_its_digests_tell(run: Path) -> None:
+    text = (run / "config.toml").read_text()
+    (run / "config.toml").write_text(text.replace("sigma_mag_rad", "# \nsigma_mag_rad"))
+    with pytest.raises(DataError, match=r"config\.toml: not as it was written: .*; smooth the log again"):
+        directions(run)
+    (run / "config.toml").write_text(text)
+    assert directions(run).legs
+    summary = json.loads((run / "summary.json").read_text())
+    (run / "summary.json").write_text(json.dumps(summary | {"turns": 77}))
+    with pytest.raises(DataError, match=r"summary\.json: not as it was written: .*; smooth the log again"):
+        read_run(run)
+    edit(run, turns=77)
+    assert read_run(run).digests == {}
+    assert "sha256" not in read_summary(run)
 
 
 def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="not a run folder"):
         read_summary(tmp_path)
-    for text in ("[]", "{", '{"log": {}}', '{"estimators": {}}'):
+    for text, why in (
+        ("[]", "not a summary, but a JSON list"),
+        ("{", "not readable as JSON"),
+        ('{"log": {}}', r"log\.name: Field required"),
+    ):
         (tmp_path / "summary.json").write_text(text)
-        with pytest.raises(DataError, match="not a run folder"):
+        with pytest.raises(DataError, match=rf"summary\.json: {why}.*; smooth the log again"):
             read_summary(tmp_path)
+    (tmp_path / "summary.json").unlink()
     (tmp_path / "raw.csv").write_text("")
     with pytest.raises(DataError, match="a live walk that has not ended"):
         read_summary(tmp_path)
@@ -169,15 +231,15 @@ def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
 
 def test_every_trajectory_of_a_run_is_scored(run: Path) -> None:
     places = checkpoints(T0_S + np.array([1.0, 31.0]), np.array([5.0, 25.0]), np.array([0.0, 13.0]))
-    scores = score_run(run, places)
+    scores = score_run(read_run(run), places)
     assert list(scores) == ["pdr", "ekf", "smoothed"]
     assert scores["smoothed"]["rmse_m"] == pytest.approx(3.0)
     assert scores["pdr"]["rmse_m"] == pytest.approx(math.hypot(10.0, 13.0))
     assert scores["smoothed"]["label"] == "unaided"
     edit(run, closed_walk=True)
-    assert score_run(run, places)["smoothed"]["label"] == "closed"
+    assert score_run(read_run(run), places)["smoothed"]["label"] == "closed"
     edit(run, anchors=3)
-    anchored = score_run(run, places)["smoothed"]
+    anchored = score_run(read_run(run), places)["smoothed"]
     assert (anchored["label"], anchored["final_m"]) == ("anchored", pytest.approx(math.hypot(5.0, 3.0)))
 
 
@@ -213,13 +275,21 @@ def test_a_replay_notes_its_pieces_too() -> None:
     assert RunInputs.from_summary({"inputs": replayed.as_dict()}, Path("run")) == replayed
 
 
-def test_inputs_that_say_too_little_or_too_much_are_refused() -> None:
+def test_inputs_that_say_too_little_are_refused_and_what_is_newer_is_left_out() -> None:
     for summary in ({}, {"inputs": None}, {"inputs": {"log": ""}}, {"inputs": {"log": None}}):
-        with pytest.raises(DataError, match="run: its log was not a file"):
+        with pytest.raises(
+            DataError, match=r"run: by its summary\.json its log was no file, or .*; smooth the log again"
+        ):
             RunInputs.from_summary(summary, Path("run"))
-    for wrong in ({"origin": [1.0]}, {"origin": "x"}, {"origin": 3.0}, {"speed": 2}):
-        with pytest.raises(DataError, match="run: its summary's inputs are damaged; smooth the log again"):
-            RunInputs.from_summary({"inputs": {"log": "x"} | wrong}, Path("run"))
+    newer = {"inputs": {"log": "x", "origin": [1, 2], "speed": 2}}
+    assert RunInputs.from_summary(newer, Path("run")) == RunInputs(log="x", origin=(1.0, 2.0))
+
+
+@pytest.mark.parametrize("wrong", [{"origin": [1.0]}, {"origin": "x"}, {"log": 3}, {"log": "a\x00b"}, {"max_size": 0}])
+def test_inputs_that_cannot_be_are_refused_with_their_summary(run: Path, wrong: dict[str, Any]) -> None:
+    edit(run, inputs={"log": "x"} | wrong)
+    with pytest.raises(DataError, match=rf"summary\.json: inputs\.{next(iter(wrong))}: .*; smooth the log again"):
+        read_summary(run)
 
 
 def test_what_was_named_is_told(tmp_path: Path) -> None:
