@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from fbgraph.core.errors import DataError as DataError
     from fbgraph.core.errors import EstimationError as EstimationError
     from fbgraph.core.errors import FbgraphError as FbgraphError
-    from fbgraph.core.log import SensorLog as SensorLog
+    from fbgraph.core.sensor_log import SensorLog as SensorLog
     from fbgraph.core.trajectory import Trajectory as Trajectory
     from fbgraph.readers import read_log as read_log
 

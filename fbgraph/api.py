@@ -13,25 +13,25 @@ import numpy as np
 
 from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import Checkpoints, read_checkpoints
+from fbgraph.core.colors import COLORS, LABELS
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.georeference import Georeference
-from fbgraph.core.log import SensorLog
-from fbgraph.core.palette import COLORS, LABELS
 from fbgraph.core.safe_text import short_name
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.answers import Update
+from fbgraph.estimators.estimates import Update
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import preset, read_log
-from fbgraph.readers.base import LogFile
+from fbgraph.readers.cleaning import LogFile
 from fbgraph.readers.dataframe import dataframe_lines, read_dataframe
 from fbgraph.readers.live_lines import LiveReader
 from fbgraph.run.findings import Finding
 from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.reading import read_run
-from fbgraph.run.result import WalkResult
+from fbgraph.run.read_run import read_run
 from fbgraph.run.summary import summarize
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.session import WalkInProgress
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import SimulatedWalk

@@ -17,19 +17,19 @@ from fbgraph.core.checkpoints import read_checkpoints
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.georeference import Georeference
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.answers import Smoothed
 from fbgraph.estimators.baselines import baselines
-from fbgraph.estimators.smoother import smooth, tie_way_back
-from fbgraph.front_end.front_end import detect_steps
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import StepTrack
+from fbgraph.estimators.batch_smoother import smooth, tie_way_back
+from fbgraph.estimators.estimates import Smoothed
+from fbgraph.front_end.detect_steps import detect_steps
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.readers import preset, read_log
 from fbgraph.run.folder import RunClaim, write_tables
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize, summary_markdown
+from fbgraph.run.walk_result import WalkResult
 
 Progress = Callable[[str], None]
 """Called with the name of each stage as it begins."""

@@ -11,12 +11,12 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.whole_writes import whole_file
 from fbgraph.pipeline import read_told, reconstruct
 from fbgraph.readers import read_log
-from fbgraph.readers.raw_lines import saved_log
+from fbgraph.readers.raw_recorder import saved_log
 from fbgraph.run.folder import RAW
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.reading import SavedRun, read_run
-from fbgraph.run.result import WalkResult
+from fbgraph.run.read_run import SavedRun, read_run
 from fbgraph.run.summary import summarize, summary_markdown
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.session import replay_log
 
 _SAME_M = 0.001

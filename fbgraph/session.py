@@ -14,20 +14,20 @@ import numpy as np
 from fbgraph.core.aids import Aids, Told
 from fbgraph.core.config import Config, dump_toml, load_config
 from fbgraph.core.errors import DataError, EstimationError
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.whole_writes import whole_file
-from fbgraph.estimators.answers import Update
 from fbgraph.estimators.baselines import baselines
-from fbgraph.estimators.online import OnlineSmoother
-from fbgraph.front_end.front_end import detect_steps
+from fbgraph.estimators.estimates import Update
+from fbgraph.estimators.online_smoother import OnlineSmoother
+from fbgraph.front_end.detect_steps import detect_steps
 from fbgraph.pipeline import compose, reconstruct, require_anchors_within, stand_in
 from fbgraph.readers.live_lines import LiveReader
-from fbgraph.readers.raw_lines import LineCutter, RawRecorder, cut_torn_line, saved_lines, saved_log
+from fbgraph.readers.raw_recorder import LineCutter, RawRecorder, cut_torn_line, saved_lines, saved_log
 from fbgraph.run.folder import RAW
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.metrics import checkpoint_errors
-from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize, summary_markdown
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.guide import ReturnGuide
 
 if TYPE_CHECKING:

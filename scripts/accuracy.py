@@ -13,7 +13,7 @@ import numpy as np
 
 from fbgraph.core.aids import Told
 from fbgraph.core.config import load_config
-from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.estimators.online_smoother import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.run.metrics import checkpoint_errors, score

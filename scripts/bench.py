@@ -14,7 +14,7 @@ import numpy as np
 
 from fbgraph import reruns
 from fbgraph.core.config import load_config
-from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.estimators.online_smoother import OnlineSmoother
 from fbgraph.recording.recorder import write_recording
 from fbgraph.run.summary import summarize, summary_markdown
 from fbgraph.session import cut_log

@@ -29,16 +29,16 @@ from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import read_checkpoints
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import FbgraphError
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import preset, read_log
 from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.reading import read_directions, read_run, read_summary, score_run, trajectory_of
+from fbgraph.run.read_run import read_directions, read_run, read_summary, score_run, trajectory_of
 from fbgraph.simulator.files import write_m5stickc_csv, write_truth_csv
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate
-from fbgraph.study.layout import load_layout
+from fbgraph.study.column_names import load_layout
 
 SPRINT_M_S = 12.5
 LIMIT_S, LIMIT_KB = 10, 1 << 20
@@ -47,7 +47,8 @@ SMOOTHED_EVERY = 10  # logs that are read well are smoothed this often
 ODD = (
     "0", "-0", "1", "-1", "nan", "NaN", "inf", "-inf", "1e308", "-1e308", "1e-308", "1e400", "0x10", "1_000",
     "9999999999999999999999", "99999999999999", "-5", "3.5.1", "1,5", "-", "1\n5", "None", "null", "N/A",
-    "\"\"", "\"", "'", ";", ",", "\t", "#", "%", "\\", "\x00", "\x1b[2J", "\u202e", "\xe9", "\xb2", "\u0661", "True", "[1]", "{}",
+    "\"\"", "\"", "'", ";", ",", "\t", "#", "%", "\\", "\x00", "\x1b[2J", "\u202e", "\xe9", "\xb2", "\u0661",
+    "True", "[1]", "{}",
     "=1+1", "../..", "/dev/null", "1e15", "4294967296", "65535",
 )
 # fmt: on

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fbgraph.core.config import load_config
-from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.estimators.online_smoother import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import ROUTE_NAMES, load_route

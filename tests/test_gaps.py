@@ -8,7 +8,7 @@ import pytest
 
 from fbgraph.core.config import load_config
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.log import SensorLog, Stream, empty_stream
+from fbgraph.core.sensor_log import SensorLog, Stream, empty_stream
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import read_log

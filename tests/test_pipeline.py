@@ -7,7 +7,7 @@ from fbgraph.core.config import Config, StepLengthConfig, load_config
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.pipeline import reconstruct
-from fbgraph.run.result import WalkResult
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import ROUTE_NAMES, load_route
 from fbgraph.simulator.simulate import SimulatedWalk, simulate

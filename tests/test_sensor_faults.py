@@ -17,8 +17,8 @@ from fbgraph.core.errors import FbgraphError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import read_log
-from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.simulator.files import write_m5stickc_csv
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import SimulatedWalk, simulate

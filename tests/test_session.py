@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fbgraph.core.log import SensorLog, Stream
+from fbgraph.core.sensor_log import SensorLog, Stream
 from fbgraph.session import cut_log
 
 

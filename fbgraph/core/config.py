@@ -43,7 +43,7 @@ SectionT = TypeVar("SectionT", bound=Section)
 _SHOWN = reprlib.Repr()
 _SHOWN.maxstring = _SHOWN.maxother = 80
 STUDY_TABLE = "dataset"
-"""The table of a configuration file that says how a data set of trials is laid out; see ``study.layout``."""
+"""The table of a configuration file that says how a data set of trials is laid out; see ``study.column_names``."""
 
 
 class DeviceConfig(Section):

@@ -6,7 +6,7 @@ from fbgraph.core.config import Config
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.ekf import run_ekf
 from fbgraph.estimators.pdr import dead_reckon
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.step_track import StepTrack
 
 
 def baselines(track: StepTrack, config: Config) -> dict[str, Trajectory]:

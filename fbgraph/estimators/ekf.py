@@ -15,8 +15,8 @@ import numpy as np
 from fbgraph.core.config import EkfConfig
 from fbgraph.core.geometry import wrap_scalar
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.field import FieldMemory
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.estimators.magnetic_field import FieldMemory
+from fbgraph.front_end.step_track import Step, StepTrack
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.step_track import StepTrack
 
 _START_STEPS = 4
 

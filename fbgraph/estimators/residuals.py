@@ -13,7 +13,7 @@ import gtsam
 import numpy as np
 
 from fbgraph.core.geometry import FloatArray
-from fbgraph.estimators.answers import FACTOR_KINDS, Residuals
+from fbgraph.estimators.estimates import FACTOR_KINDS, Residuals
 
 _Z = ord("z")  # of altitude nodes
 

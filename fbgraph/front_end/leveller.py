@@ -12,9 +12,9 @@ from vqf import VQF
 from fbgraph.core.atmosphere import pressure_altitude_m
 from fbgraph.core.config import AttitudeConfig, DeviceConfig
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray, rotate, wrap_angle
-from fbgraph.core.log import SensorLog, Stream, empty_stream
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.windows import IntervalMean, WindowMoments, interp_columns
+from fbgraph.core.sensor_log import SensorLog, Stream, empty_stream
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.running_sums import IntervalMean, WindowMoments, interp_columns
 
 _LONG_SILENCE_S = 60.0  # of a shorter one every grid point is looked at
 _PRESSURE_MEDIAN = 5  # samples; rejects single outliers of slow barometers

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from fbgraph.core.geometry import FloatArray
-from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.front_end.levelled_signals import LevelledSignals
 
 _REST_TRIM_S = 0.75
 _REST_FLOOR_RAD_S = 2e-4  # no rest tells the bias better than this

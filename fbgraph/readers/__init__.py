@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 from fbgraph.core.errors import ConfigError, DataError
-from fbgraph.readers.base import LogFile, assemble
+from fbgraph.readers.cleaning import LogFile, assemble
 from fbgraph.readers.log_text import LogText, log_text
 
 FORMATS = ("getsensordata", "indoor_location", "m5stickc")

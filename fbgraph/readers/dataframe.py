@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from fbgraph.core.errors import DataError
 from fbgraph.readers import m5stickc
-from fbgraph.readers.base import LogFile, assemble
+from fbgraph.readers.cleaning import LogFile, assemble
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,7 +16,7 @@ import numpy as np
 
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.georeference import Georeference
-from fbgraph.readers.base import RawLog, RawStream, to_ns
+from fbgraph.readers.cleaning import RawLog, RawStream, to_ns
 from fbgraph.readers.log_text import LogText, log_text
 
 NAME = "getsensordata"

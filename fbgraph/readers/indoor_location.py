@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fbgraph.core.checkpoints import checkpoints
-from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream
+from fbgraph.readers.cleaning import MAX_T_NS, RawLog, RawStream
 from fbgraph.readers.log_text import LogText, log_text
 
 NAME = "indoor_location"

@@ -12,9 +12,9 @@ import numpy as np
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.log import Event, SensorLog, Stream, empty_stream
-from fbgraph.readers.base import LIMITS, MIN_PRESSURE_HPA
-from fbgraph.readers.columns import CANONICAL, Columns, Rows
+from fbgraph.core.sensor_log import Event, SensorLog, Stream, empty_stream
+from fbgraph.readers.cleaning import LIMITS, MIN_PRESSURE_HPA
+from fbgraph.readers.csv_columns import CANONICAL, Columns, Rows
 from fbgraph.readers.m5stickc import find_columns
 
 _SETTLE_LINES = 100  # a second or so: from these the units of columns that do not name theirs are told

@@ -21,8 +21,8 @@ import numpy as np
 from fbgraph.core.bounded import MOST_COLUMNS
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import IntArray
-from fbgraph.readers.base import RawLog, RawStream, drop_repeats
-from fbgraph.readers.columns import CANONICAL, Columns, Rows
+from fbgraph.readers.cleaning import RawLog, RawStream, drop_repeats
+from fbgraph.readers.csv_columns import CANONICAL, Columns, Rows
 from fbgraph.readers.log_text import LogText, log_text
 
 NAME = "m5stickc"

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
+from fbgraph.core.colors import COLORS, LABELS
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.palette import COLORS, LABELS
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.recording.map_frame import MOST_LABELS
 from fbgraph.recording.writer import RrdWriter
 from fbgraph.run.metrics import checkpoint_errors, leg_errors
-from fbgraph.run.result import WalkResult
 from fbgraph.run.scores import score_label
+from fbgraph.run.walk_result import WalkResult
 
 _CIRCLE = rr.components.MarkerShape.Circle
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from fbgraph.core.palette import COLORS
+from fbgraph.core.colors import COLORS
 from fbgraph.recording.writer import Rgba, RrdWriter
-from fbgraph.run.result import WalkResult
+from fbgraph.run.walk_result import WalkResult
 
 _QUIET_SIGMA = 0.01  # residuals that never exceed it are in the table only
 _CIRCLE = rr.components.MarkerShape.Circle

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from fbgraph.core.config import Config
-from fbgraph.core.log import SensorLog
-from fbgraph.estimators.answers import Belief
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.estimators.baselines import baselines
-from fbgraph.estimators.online import OnlineSmoother
-from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.estimators.estimates import Belief
+from fbgraph.estimators.online_smoother import OnlineSmoother
+from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.recording.blueprint import blueprint
 from fbgraph.recording.recorder import Recorder
 from fbgraph.recording.writer import RrdWriter
-from fbgraph.run.result import WalkResult
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.records import ReturnUpdate
 
 _CONFIRMED_S = 3.0  # steps are found this late at most

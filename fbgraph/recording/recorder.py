@@ -21,23 +21,23 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from fbgraph.core.colors import AXIS_COLORS, COLORS, LABELS
 from fbgraph.core.config import Config
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, wrap_angle
-from fbgraph.core.log import SensorLog
-from fbgraph.core.palette import AXIS_COLORS, COLORS, LABELS
 from fbgraph.core.safe_text import MOST_NAME, for_markdown, for_terminal
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.answers import Belief
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import StepTrack
-from fbgraph.recording import scene
+from fbgraph.estimators.estimates import Belief
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import StepTrack
+from fbgraph.recording import map_scene as scene
 from fbgraph.recording.blueprint import blueprint
 from fbgraph.recording.checkpoint_errors import errors_at_checkpoints, record_errors
 from fbgraph.recording.factor_residuals import record_residuals
-from fbgraph.recording.scene import FAINT, SIGMAS, ordered
+from fbgraph.recording.map_scene import FAINT, SIGMAS, ordered
 from fbgraph.recording.writer import Rgba, RrdWriter
-from fbgraph.run.lanes import (
+from fbgraph.run.timeline_lanes import (
     ARRIVED,
     DOUBTED,
     MOVING,
@@ -53,7 +53,7 @@ from fbgraph.run.lanes import (
     returning_lane,
     wearer_lane,
 )
-from fbgraph.run.result import WalkResult
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.legs import directions_of
 from fbgraph.way_back.records import ReturnUpdate
 from fbgraph.way_back.texts import as_text

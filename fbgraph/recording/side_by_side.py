@@ -20,7 +20,7 @@ from fbgraph.recording.blueprint import arranged
 from fbgraph.recording.map_frame import Frame
 from fbgraph.recording.tab_layout import question_tabs
 from fbgraph.recording.writer import RrdWriter
-from fbgraph.run.reading import read_summary
+from fbgraph.run.read_run import read_summary
 
 RECORDING = "recording.rrd"
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.geometry import FloatArray, wrap_angle
-from fbgraph.run.lanes import DOUBTED_BELOW, MOVING, compass_trust, stretches, wearer_lane
 from fbgraph.run.metrics import leg_errors
-from fbgraph.run.result import WalkResult
+from fbgraph.run.timeline_lanes import DOUBTED_BELOW, MOVING, compass_trust, stretches, wearer_lane
+from fbgraph.run.walk_result import WalkResult
 
 _PAUSE_S = 3.0  # walking without a step for longer is told
 _SLOW, _FAST = 0.7, 1.4  # of the usual step frequency

@@ -18,7 +18,7 @@ from fbgraph.core.trajectory import Trajectory, write_tum
 from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
 from fbgraph.run.digests import DIGESTS, SUMMARY, noted_digests
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.result import WalkResult
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.records import ReturnUpdate
 
 BREADCRUMB_HEADER = "k,t_s,x_m,y_m,z_m,yaw_rad,gyro_bias_rad_s,sigma_x_m,sigma_y_m,cov_xy_m2,sigma_z_m,sigma_yaw_rad"

@@ -20,10 +20,10 @@ import numpy as np
 from fbgraph.core.config import Config
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.online import OnlineSmoother
-from fbgraph.front_end.track import StepTrack
+from fbgraph.estimators.online_smoother import OnlineSmoother
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.simulator.routes import Route
 from fbgraph.simulator.simulate import SimulatedWalk
 from fbgraph.way_back.guide import ReturnGuide

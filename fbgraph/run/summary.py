@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from fbgraph import __version__
-from fbgraph.core.palette import LABELS
+from fbgraph.core.colors import LABELS
 from fbgraph.core.safe_text import MOST_NAME, for_markdown
 from fbgraph.run.findings import walk_findings
-from fbgraph.run.result import WalkResult
 from fbgraph.run.scores import score_entry, score_label
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.turns import find_turns
 
 

@@ -16,7 +16,7 @@ from fbgraph.core.atmosphere import altitude_pressure_hpa, pressure_altitude_m
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.geometry import FloatArray, IntArray, rotate
-from fbgraph.core.log import Event, SensorLog, Stream
+from fbgraph.core.sensor_log import Event, SensorLog, Stream
 from fbgraph.core.units import STANDARD_GRAVITY_M_S2
 from fbgraph.simulator.body_motion import Motion
 from fbgraph.simulator.gait import Walk, Walker, plan_walk

@@ -17,7 +17,7 @@ import numpy as np
 from fbgraph.core.config import Config, StepLengthConfig
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, wrap_angle
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.study.trial import Trial, Turns
 
 LAMBDAS = tuple(round(0.1 * k, 1) for k in range(11))

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from fbgraph.core.bounded import MOST_COLUMNS
 from fbgraph.core.errors import DataError
+from fbgraph.study.column_names import ColumnsConfig, DatasetConfig
 from fbgraph.study.containers import natural, tables_in
-from fbgraph.study.layout import ColumnsConfig, DatasetConfig
 from fbgraph.study.trial import Table, Trial, find_columns, read_trial
 
 _MOST_REMARKS = 100

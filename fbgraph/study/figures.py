@@ -1,6 +1,6 @@
 """The paper's figures, all methods side by side. The only room with matplotlib; no state but what is passed.
 
-Sized for a page's width, legible in grey: every method has a colour (``palette``), a line style and a marker.
+Sized for a page's width, legible in grey: every method has a colour (``colors``), a line style and a marker.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from scipy import stats
 
+from fbgraph.core.colors import COLORS
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.palette import COLORS
 from fbgraph.core.safe_text import for_terminal, short_name
 from fbgraph.study.course import OBSTACLE_M
 from fbgraph.study.protocol import LABELS, StudyResult, TrialResult

@@ -21,11 +21,11 @@ import numpy as np
 from fbgraph.core.config import Config
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.study.calibration import StepModel
+from fbgraph.study.column_names import DatasetConfig
 from fbgraph.study.comparison import Comparison
-from fbgraph.study.layout import DatasetConfig
 from fbgraph.study.trial import Path2D, Trial, Turns, walking_direction
 
 LABELS = {

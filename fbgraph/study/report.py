@@ -17,11 +17,11 @@ from typing import Any
 from fbgraph import __version__
 from fbgraph.core.config import dump_toml
 from fbgraph.core.safe_text import for_csv, for_latex, for_markdown, for_terminal, visible
+from fbgraph.study.column_names import dump_layout
 from fbgraph.study.comparison import CONFIDENCE, RESAMPLES, Overall, Paired
 from fbgraph.study.figures import draw
-from fbgraph.study.layout import dump_layout
 from fbgraph.study.protocol import LABELS, MATCH_S, MIN_TURN_RAD, TURN_S, StudyResult
-from fbgraph.study.recording import write_study_recording
+from fbgraph.study.study_recording import write_study_recording
 
 _PAPER = {  # section Overall Quantitative Performance
     "pdr": {"rmse_m": 1.129, "final_m": 1.781},

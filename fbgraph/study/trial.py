@@ -1,7 +1,7 @@
 """One trial of a data set: its table of sensors, ground truth, labels and the authors' outputs.
 
 Names and units of the columns come from ``DatasetConfig``; what is left open is judged by magnitude, and times, gaps
-and bad values are cleaned as in any log (``readers.columns``, ``readers.base``).
+and bad values are cleaned as in any log (``readers.csv_columns``, ``readers.cleaning``).
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import numpy as np
 from fbgraph.core.atmosphere import altitude_pressure_hpa
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray
-from fbgraph.core.log import SensorLog
-from fbgraph.readers.base import MAX_T_NS, RawLog, RawStream, assemble, drop_repeats, to_ns
-from fbgraph.readers.columns import UNITS, Columns, Rows, plain_name
-from fbgraph.study.layout import ColumnsConfig, DatasetConfig
+from fbgraph.core.sensor_log import SensorLog
+from fbgraph.readers.cleaning import MAX_T_NS, RawLog, RawStream, assemble, drop_repeats, to_ns
+from fbgraph.readers.csv_columns import UNITS, Columns, Rows, plain_name
+from fbgraph.study.column_names import ColumnsConfig, DatasetConfig
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from fbgraph.core.config import ReturnConfig, StepLengthConfig
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.closures import ClosureMaker
 from fbgraph.way_back.matcher import RouteMatcher
 from fbgraph.way_back.records import Closure, Match, TurnBack

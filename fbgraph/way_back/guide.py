@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from fbgraph.core.config import Config
-from fbgraph.core.log import Event
+from fbgraph.core.sensor_log import Event
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
-from fbgraph.front_end.track import Step
+from fbgraph.front_end.step_track import Step
 from fbgraph.way_back.follower import RouteFollower
 from fbgraph.way_back.records import Closure, Crumb, Match, ReturnUpdate, TurnBack
 from fbgraph.way_back.texts import turn_text

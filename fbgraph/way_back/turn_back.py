@@ -9,7 +9,7 @@ import numpy as np
 from fbgraph.core.config import ReturnConfig, StepLengthConfig
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.records import Crumb, TurnBack
 from fbgraph.way_back.way_out import level_length_m
 

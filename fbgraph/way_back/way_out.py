@@ -11,7 +11,7 @@ import numpy as np
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.track import Step, flat_length_m
+from fbgraph.front_end.step_track import Step, flat_length_m
 
 
 @dataclass(frozen=True)

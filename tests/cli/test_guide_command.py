@@ -18,11 +18,11 @@ import pytest
 
 from fbgraph import cli
 from fbgraph.core.config import load_config
-from fbgraph.core.log import Event
+from fbgraph.core.sensor_log import Event
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import read_log
 from fbgraph.run.folder import claimed_run
-from fbgraph.run.reading import read_directions, read_run
+from fbgraph.run.read_run import read_directions, read_run
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate
 from fbgraph.way_back.texts import instructions

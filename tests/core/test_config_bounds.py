@@ -9,8 +9,8 @@ import fbgraph
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, FbgraphError
 from fbgraph.pipeline import reconstruct
-from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.session import replay_log
 
 WALK = fbgraph.simulate("out-and-back", seed=3).log.between(-np.inf, 60.0)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from fbgraph.core import errors
 from fbgraph.core.atmosphere import altitude_pressure_hpa, pressure_altitude_m
 from fbgraph.core.geometry import heading_deg, rotate, wrap_angle, wrap_scalar
-from fbgraph.core.log import Event, SensorLog, Stream, empty_stream
+from fbgraph.core.sensor_log import Event, SensorLog, Stream, empty_stream
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
 
 ICAO = {

@@ -11,7 +11,7 @@ from support.factors import NAN, Array, make_step, stand, walk_track
 
 from fbgraph.core.config import EkfConfig
 from fbgraph.estimators.ekf import EkfState, HeadingEkf, run_ekf
-from fbgraph.front_end.track import Step
+from fbgraph.front_end.step_track import Step
 
 CONFIG = EkfConfig(
     sigma_yaw_step_rad=0.03,

@@ -3,7 +3,7 @@
 import pytest
 from support.factors import make_step
 
-from fbgraph.estimators.field import FieldMemory
+from fbgraph.estimators.magnetic_field import FieldMemory
 
 
 def inflations(norms_ut: list[float], dips_rad: list[float]) -> list[float]:

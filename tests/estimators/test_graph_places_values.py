@@ -24,7 +24,7 @@ from support.factors import (
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.config import GraphConfig
-from fbgraph.estimators.graph import (
+from fbgraph.estimators.factor_graph import (
     Node,
     anchor_factor,
     build_graph,

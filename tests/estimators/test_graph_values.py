@@ -1,4 +1,4 @@
-"""Each sentence of the table atop fbgraph.estimators.graph: the factors of one step, computed on paper."""
+"""Each sentence of the table atop fbgraph.estimators.factor_graph: the factors of one step, computed on paper."""
 
 import math
 from typing import Any
@@ -12,7 +12,7 @@ from support.factors import Array, factors_of, graph_of, is_robust, make_step, s
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import GraphConfig
-from fbgraph.estimators.graph import Node, heading_factor
+from fbgraph.estimators.factor_graph import Node, heading_factor
 
 CONFIG = GraphConfig(
     sigma_length_rel=0.1,

@@ -13,11 +13,11 @@ from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import Config, StepLengthConfig
 from fbgraph.core.geometry import wrap_angle
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.batch_smoother import body_to_world, smooth
 from fbgraph.estimators.ekf import run_ekf
-from fbgraph.estimators.graph import Node, heading_factor
+from fbgraph.estimators.factor_graph import Node, heading_factor
 from fbgraph.estimators.pdr import dead_reckon
-from fbgraph.estimators.smoother import body_to_world, smooth
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.front_end.step_track import Step, StepTrack
 
 CONFIG = Config()
 L = 0.7

@@ -6,8 +6,8 @@ from support.walking import differences, feed
 
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import DataError
-from fbgraph.core.log import SensorLog
-from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.core.sensor_log import SensorLog
+from fbgraph.estimators.online_smoother import OnlineSmoother
 from fbgraph.pipeline import reconstruct
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate

@@ -11,12 +11,12 @@ from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import DataError
-from fbgraph.core.log import Event, SensorLog
+from fbgraph.core.sensor_log import Event, SensorLog
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
-from fbgraph.estimators.answers import Update
-from fbgraph.estimators.online import OnlineSmoother
-from fbgraph.estimators.smoother import smooth
-from fbgraph.front_end.track import Step
+from fbgraph.estimators.batch_smoother import smooth
+from fbgraph.estimators.estimates import Update
+from fbgraph.estimators.online_smoother import OnlineSmoother
+from fbgraph.front_end.step_track import Step
 from fbgraph.way_back.records import Closure, ReturnUpdate
 
 CONFIG = load_config("m5stickc", ["returning.out_and_back=false", "online.window_steps=20"])

@@ -11,7 +11,7 @@ from fbgraph.core.config import Config, StepLengthConfig
 from fbgraph.estimators.baselines import baselines
 from fbgraph.estimators.ekf import run_ekf
 from fbgraph.estimators.pdr import calibration_bias_rad_s, dead_reckon, first_compass_yaw_rad
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.step_track import StepTrack
 
 CONFIG = StepLengthConfig(constant_m=0.5)
 

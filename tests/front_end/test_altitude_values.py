@@ -10,9 +10,9 @@ from support.made_signals import G, pressures, resting, turned
 from fbgraph.core.atmosphere import altitude_pressure_hpa
 from fbgraph.core.config import AttitudeConfig, DeviceConfig
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.log import SensorLog, Stream
+from fbgraph.core.sensor_log import SensorLog, Stream
+from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.leveller import Leveller
-from fbgraph.front_end.signals import LevelledSignals
 
 ALTITUDES_M = np.array([100.0, 101.0, 102.0, 103.0, 104.0, 105.0, 300.0, 107.0, 108.0, 109.0])
 

@@ -9,9 +9,9 @@ from support.made_signals import G, levelled
 
 from fbgraph.core.config import StepsConfig
 from fbgraph.core.geometry import FloatArray
-from fbgraph.front_end.detector import StepDetector
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import Peak
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_detector import StepDetector
+from fbgraph.front_end.step_track import Peak
 
 SMOOTHING = 15  # samples of 0.15 s; delays by seven
 

@@ -8,9 +8,9 @@ import pytest
 from support.made_signals import G, levelled
 
 from fbgraph.core.config import StepLengthConfig
-from fbgraph.front_end.gauge import StepGauge
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import Peak, Step
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_measurement import StepGauge
+from fbgraph.front_end.step_track import Peak, Step
 
 CONFIG = StepLengthConfig(alpha_m=0.4, beta_m_s=0.2, gamma_m=-1.5, kappa=0.1, min_climb_m_s=0.2, shortest_m=0.15)
 ONE = Peak(1050, 1000, first=True)

@@ -11,9 +11,9 @@ from support.made_signals import FIELD_N, G, pieces, resting, same_signals, turn
 
 from fbgraph.core.config import AttitudeConfig, DeviceConfig
 from fbgraph.core.geometry import FloatArray, wrap_angle
-from fbgraph.core.log import SensorLog, Stream
+from fbgraph.core.sensor_log import SensorLog, Stream
+from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.leveller import Leveller
-from fbgraph.front_end.signals import LevelledSignals
 
 CONFIG = AttitudeConfig()
 T_S = np.arange(1001) / 100.0

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from fbgraph.core.config import Config
-from fbgraph.core.log import SensorLog, Stream
-from fbgraph.front_end.front_end import FrontEnd, detect_steps
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.core.sensor_log import SensorLog, Stream
+from fbgraph.front_end.detect_steps import FrontEnd, detect_steps
+from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.readers import read_log
-from fbgraph.readers.base import LogFile
+from fbgraph.readers.cleaning import LogFile
 
 LOGS = ("ipin2023/TrainingTrial04_repetition01.txt.gz", "indoor-location/site1/F4/5ddb6560c5b77e0006b1791e.txt.gz")
 

@@ -8,8 +8,8 @@ import pytest
 from support.made_signals import levelled
 
 from fbgraph.core.geometry import FloatArray
+from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
-from fbgraph.front_end.signals import LevelledSignals
 
 RATE_HZ, SETTLE_S = 100.0, 3.0
 FLOOR, SWAY, UNSETTLED, TRIM_S = 2e-4, 0.03, 0.04, 0.75

@@ -8,8 +8,8 @@ from support.by_hand import hand_step
 from support.made_signals import levelled, same_signals
 
 from fbgraph.core.config import StepLengthConfig
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import LOOK_BACK_S, Step, StepTrack, flat_length_m
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import LOOK_BACK_S, Step, StepTrack, flat_length_m
 
 
 def test_every_field_of_a_step_is_a_column_of_the_track() -> None:

@@ -10,10 +10,10 @@ from fbgraph.core.atmosphere import altitude_pressure_hpa
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.log import SensorLog, Stream
-from fbgraph.front_end.front_end import FrontEnd, detect_steps
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.core.sensor_log import SensorLog, Stream
+from fbgraph.front_end.detect_steps import FrontEnd, detect_steps
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import Step, StepTrack
 
 CONFIG = load_config(None, ["step_length.alpha_m=0.4", "step_length.beta_m_s=0.1", "step_length.kappa=0.1"])
 STAND_S, WALK_S, INTERVAL_S, BIAS = 10.0, 30.0, 0.5, 0.01

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fbgraph.core.geometry import FloatArray
-from fbgraph.front_end.windows import WindowMoments
+from fbgraph.front_end.running_sums import WindowMoments
 
 
 def one_by_one(values: FloatArray, window: int) -> tuple[FloatArray, FloatArray]:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from support.waves import check_sound, waves
 
 from fbgraph.core.errors import DataError
-from fbgraph.readers.base import LogFile, RawLog, RawStream, assemble, to_ns
+from fbgraph.readers.cleaning import LogFile, RawLog, RawStream, assemble, to_ns
 
 S = 1_000_000_000
 N = 500

@@ -11,17 +11,8 @@ from support.waves import waves
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
-from fbgraph.core.log import SensorLog
-from fbgraph.readers.base import (
-    LIMITS,
-    MAX_T_NS,
-    RawLog,
-    RawStream,
-    assemble,
-    drop_repeats,
-    log_name,
-    to_ns,
-)
+from fbgraph.core.sensor_log import SensorLog
+from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, assemble, drop_repeats, log_name, to_ns
 from fbgraph.readers.log_text import log_text
 
 S = 1_000_000_000

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fbgraph.core.errors import DataError
-from fbgraph.readers.columns import CANONICAL, Columns, Rows, plain_name
+from fbgraph.readers.csv_columns import CANONICAL, Columns, Rows, plain_name
 
 G, DEG = 9.80665, math.pi / 180.0
 

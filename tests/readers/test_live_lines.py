@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from support.walking import walked
 
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers import read_log
 from fbgraph.readers.live_lines import LiveReader
-from fbgraph.readers.raw_lines import saved_log
+from fbgraph.readers.raw_recorder import saved_log
 
 
 def pushed(lines: list[str], chunk: int = 50) -> tuple[LiveReader, SensorLog]:

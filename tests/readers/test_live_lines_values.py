@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from fbgraph.core.errors import DataError
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers.live_lines import LiveReader
-from fbgraph.readers.raw_lines import cut_torn_line, saved_lines, saved_log
+from fbgraph.readers.raw_recorder import cut_torn_line, saved_lines, saved_log
 
 HEADER = "t_ms,ax_ms2,ay_ms2,az_ms2,gx_rads,gy_rads,gz_rads,mx_ut,my_ut,mz_ut,p_hpa,event"
 USUAL = [5000 + 20 * i for i in range(120)]  # more than are looked at before anything is delivered

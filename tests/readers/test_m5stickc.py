@@ -24,7 +24,7 @@ from support.waves import check_sound
 
 from fbgraph.core.errors import DataError
 from fbgraph.readers import read_log
-from fbgraph.readers.columns import CANONICAL, Columns
+from fbgraph.readers.csv_columns import CANONICAL, Columns
 from fbgraph.readers.m5stickc import EXAMPLE
 
 VARIANTS = {

@@ -14,7 +14,7 @@ from support.waves import check_sound
 
 from fbgraph.core.errors import DataError
 from fbgraph.readers import detect, read_log
-from fbgraph.readers.columns import CANONICAL, Columns
+from fbgraph.readers.csv_columns import CANONICAL, Columns
 
 
 @pytest.mark.parametrize("width", [11, 12, 13])

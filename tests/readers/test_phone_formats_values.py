@@ -7,7 +7,7 @@ import pytest
 
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.readers import FORMATS, detect, getsensordata, indoor_location, preset, read_log
-from fbgraph.readers.base import MAX_T_NS, RawLog
+from fbgraph.readers.cleaning import MAX_T_NS, RawLog
 
 
 def written(folder: Path, *lines: str) -> Path:

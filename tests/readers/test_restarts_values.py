@@ -8,7 +8,7 @@ from support.m5stickc_lines import lines_of_a_walk
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import IntArray
-from fbgraph.readers.columns import CANONICAL
+from fbgraph.readers.csv_columns import CANONICAL
 from fbgraph.readers.m5stickc import continue_restarts, detects, find_columns, read, read_text
 
 MS = 1_000_000

@@ -14,8 +14,8 @@ from fbgraph.recording.blueprint import blueprint
 from fbgraph.recording.live_view import LiveView
 from fbgraph.recording.recorder import write_recording
 from fbgraph.recording.writer import RrdWriter
-from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import summarize, summary_markdown
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.session import replay_log
 
 

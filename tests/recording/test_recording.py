@@ -14,16 +14,16 @@ from support.recordings import TIMELINES, cells, chunks_of, column, shown, tabs,
 
 from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
+from fbgraph.core.colors import COLORS, LABELS
 from fbgraph.core.config import load_config
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.log import Event, SensorLog, Stream, empty_stream
-from fbgraph.core.palette import COLORS, LABELS
+from fbgraph.core.sensor_log import Event, SensorLog, Stream, empty_stream
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import read_log
 from fbgraph.recording.map_frame import Frame
 from fbgraph.recording.recorder import write_recording
 from fbgraph.run.metrics import score
-from fbgraph.run.result import ESTIMATORS, WalkResult
+from fbgraph.run.walk_result import ESTIMATORS, WalkResult
 from fbgraph.session import replay_log
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate

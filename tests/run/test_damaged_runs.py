@@ -24,11 +24,11 @@ from fbgraph.recording.side_by_side import require_walk
 from fbgraph.reruns import repeat_run
 from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.reading import read_directions, read_georeference, read_run, score_run
+from fbgraph.run.read_run import read_directions, read_georeference, read_run, score_run
 from fbgraph.session import replay_log
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate
-from fbgraph.way_back.maps import format_directions
+from fbgraph.way_back.gpx_geojson import format_directions
 
 READ = ("pdr.tum", "ekf.tum", "smoothed.tum", "online.tum", "breadcrumbs.csv", "summary.json", "config.toml")
 TRUTH = checkpoints(np.array([8.0, 20.0, 40.0]), np.array([0.0, 5.0, 10.0]), np.array([0.0, 5.0, 0.0]), source="truth")

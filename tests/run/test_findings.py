@@ -12,11 +12,11 @@ from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import load_config
 from fbgraph.core.georeference import Georeference
-from fbgraph.core.log import SensorLog, Stream
-from fbgraph.front_end.track import StepTrack
+from fbgraph.core.sensor_log import SensorLog, Stream
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.pipeline import reconstruct
 from fbgraph.run.findings import Finding, walk_findings
-from fbgraph.run.lanes import (
+from fbgraph.run.timeline_lanes import (
     DOUBTED,
     STANDING,
     WALKING,
@@ -26,7 +26,7 @@ from fbgraph.run.lanes import (
     stretches,
     wearer_lane,
 )
-from fbgraph.run.result import WalkResult
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import SimulatedWalk, simulate

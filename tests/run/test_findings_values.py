@@ -14,7 +14,7 @@ from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.run.findings import Finding, walk_findings
-from fbgraph.run.result import WalkResult
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.records import Closure
 
 WAY = way_along((0.0, 0.0), (25.0, 0.0), t0_s=1.0)  # 50 steps of 0.5 m and 0.5 s, from 1 s to 26 s

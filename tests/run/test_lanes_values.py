@@ -12,8 +12,8 @@ from support.results_by_hand import T0_S, changed, hand_result, hand_signals, re
 from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import Config, GraphConfig
-from fbgraph.front_end.track import StepTrack
-from fbgraph.run.lanes import (
+from fbgraph.front_end.step_track import StepTrack
+from fbgraph.run.timeline_lanes import (
     ARRIVED,
     DOUBTED,
     MOVING,

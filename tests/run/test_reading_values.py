@@ -15,11 +15,11 @@ from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import Config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference
-from fbgraph.core.log import Event
+from fbgraph.core.sensor_log import Event
 from fbgraph.pipeline import read_told
 from fbgraph.run.folder import BREADCRUMB_HEADER, write_tables
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.reading import (
+from fbgraph.run.read_run import (
     read_breadcrumbs,
     read_directions,
     read_events,

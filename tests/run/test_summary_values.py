@@ -14,10 +14,10 @@ import fbgraph
 from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.georeference import Georeference
-from fbgraph.core.log import Event
+from fbgraph.core.sensor_log import Event
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.result import WalkResult
 from fbgraph.run.summary import return_entry, summarize, summary_markdown, warnings
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.records import Closure, ReturnUpdate, TurnBack
 
 EL = way_along((0.0, 0.0), (20.0, 0.0), (20.0, 10.0), t0_s=1.0)  # 60 steps, from 1 s to 31 s

@@ -11,9 +11,9 @@ import pytest
 
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.study.column_names import DatasetConfig, load_layout, load_mapping
 from fbgraph.study.course import simulated_trials, write_trial
 from fbgraph.study.dataset import read_dataset
-from fbgraph.study.layout import DatasetConfig, load_layout, load_mapping
 from fbgraph.study.trial import Trial
 
 LAYOUT = load_layout("forestback")

@@ -9,10 +9,10 @@ import pytest
 from fbgraph.core.bounded import MIB, MOST_COLUMNS
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.study import containers
+from fbgraph.study.column_names import load_layout, load_mapping
 from fbgraph.study.containers import tables_in
 from fbgraph.study.course import simulated_trials, write_trial
 from fbgraph.study.dataset import read_dataset
-from fbgraph.study.layout import load_layout, load_mapping
 
 LAYOUT = load_layout("forestback")
 

@@ -16,13 +16,13 @@ from fbgraph.cli import main
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.study.calibration import Evidence, fit
+from fbgraph.study.column_names import load_layout
 from fbgraph.study.comparison import interval_of_mean, paired
 from fbgraph.study.course import simulated_trials
 from fbgraph.study.dataset import read_dataset
-from fbgraph.study.layout import load_layout
 from fbgraph.study.protocol import LABELS, match_turns, turn_events
 from fbgraph.study.report import summary
-from fbgraph.study.run import run_study, study_files, study_folder
+from fbgraph.study.run_study import run_study, study_files, study_folder
 from fbgraph.study.trial import Turns
 
 CONFIG = load_config("forestback")

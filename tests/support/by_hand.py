@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
-from fbgraph.front_end.track import Step
+from fbgraph.front_end.step_track import Step
 from fbgraph.way_back.records import Match
 
 HALF_A_METRE = StepLengthConfig(alpha_m=0.5, beta_m_s=0.0, gamma_m=0.0, kappa=0.0)

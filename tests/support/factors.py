@@ -12,8 +12,8 @@ from gtsam.symbol_shorthand import B, X, Z
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.graph import GraphBuilder, Node
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.estimators.factor_graph import GraphBuilder, Node
+from fbgraph.front_end.step_track import Step, StepTrack
 from support.by_hand import hand_step
 
 Array = npt.NDArray[np.float64]

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers import detect, read_log
-from fbgraph.readers.columns import CANONICAL
+from fbgraph.readers.csv_columns import CANONICAL
 from support.waves import waves
 
 G = 9.80665

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.log import SensorLog, Stream
-from fbgraph.front_end.signals import LevelledSignals
+from fbgraph.core.sensor_log import SensorLog, Stream
+from fbgraph.front_end.levelled_signals import LevelledSignals
 
 G = 9.81
 FIELD_N = np.array([0.0, 20.0, -43.0])

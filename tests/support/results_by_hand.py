@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from fbgraph.core.config import Config
 from fbgraph.core.geometry import BoolArray, FloatArray
-from fbgraph.core.log import SensorLog, Stream
+from fbgraph.core.sensor_log import SensorLog, Stream
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.answers import Residuals, Smoothed
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import StepTrack
-from fbgraph.run.result import WalkResult
+from fbgraph.estimators.estimates import Residuals, Smoothed
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import StepTrack
+from fbgraph.run.walk_result import WalkResult
 from support.by_hand import steps_of, way_along
 
 T0_S = 1000.0

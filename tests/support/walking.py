@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 
 from fbgraph.core.config import load_config
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.answers import Update
-from fbgraph.estimators.online import OnlineSmoother
+from fbgraph.estimators.estimates import Update
+from fbgraph.estimators.online_smoother import OnlineSmoother
 from fbgraph.simulator.routes import Route
 from fbgraph.way_back.guide import ReturnGuide
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 
 
 def waves(count: int) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ from support.by_hand import HALF_A_METRE, steps_of, way_along
 
 from fbgraph.core.config import ReturnConfig
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.follower import RouteFollower, find_closures
 from fbgraph.way_back.records import TurnBack
 from fbgraph.way_back.way_out import Outbound

@@ -10,7 +10,7 @@ import pytest
 from support.by_hand import HALF_A_METRE, crumb_of, steps_of, way_along
 
 from fbgraph.core.config import Config, ReturnConfig
-from fbgraph.core.log import Event
+from fbgraph.core.sensor_log import Event
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.way_back.guide import ReturnGuide
 

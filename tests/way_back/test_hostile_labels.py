@@ -11,8 +11,8 @@ from support.hostile import TEXTS, unseen
 
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.safe_text import for_csv, short_name, visible
+from fbgraph.way_back.gpx_geojson import DIRECTION_FORMATS, as_geojson, as_gpx, format_directions
 from fbgraph.way_back.legs import Directions, Landmark, Leg
-from fbgraph.way_back.maps import DIRECTION_FORMATS, as_geojson, as_gpx, format_directions
 from fbgraph.way_back.texts import as_csv, as_json, as_text
 
 ORIGIN = Georeference(60.0, 20.0)

@@ -10,8 +10,8 @@ import pytest
 
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.georeference import Georeference
+from fbgraph.way_back.gpx_geojson import as_geojson, as_gpx, format_directions
 from fbgraph.way_back.legs import Directions, Landmark, Leg
-from fbgraph.way_back.maps import as_geojson, as_gpx, format_directions
 from fbgraph.way_back.texts import instructions
 
 ORIGIN = Georeference(60.0, 20.0)

@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 
 from fbgraph.core.errors import ConfigError
+from fbgraph.way_back.gpx_geojson import DIRECTION_FORMATS, format_directions
 from fbgraph.way_back.legs import Climb, Directions, Landmark, Leg
-from fbgraph.way_back.maps import DIRECTION_FORMATS, format_directions
 from fbgraph.way_back.texts import (
     arrival_text,
     as_csv,

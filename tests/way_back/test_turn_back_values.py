@@ -9,7 +9,7 @@ from support.by_hand import HALF_A_METRE, steps_of, way_along
 
 from fbgraph.core.config import ReturnConfig
 from fbgraph.core.geometry import FloatArray
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.records import Crumb, TurnBack
 from fbgraph.way_back.turn_back import TurnBackDetector, find_turn_back, reversal
 

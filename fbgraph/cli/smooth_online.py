@@ -33,7 +33,7 @@ from fbgraph.core.errors import ConfigError, EstimationError
 
 if TYPE_CHECKING:
     from fbgraph.core.config import Config
-    from fbgraph.estimators.answers import Update
+    from fbgraph.estimators.estimates import Update
     from fbgraph.recording.live_view import LiveView
 
 
@@ -200,7 +200,7 @@ def _online_folder(log: Path | None, source: str | None, out: Path | None, resum
         raise ConfigError("--resume DIR is where the walk is kept: leave out --out")
     if folder := resume or out:
         return folder
-    from fbgraph.readers.base import log_name
+    from fbgraph.readers.cleaning import log_name
 
     if log is None:
         raise ConfigError("--out DIR says where the walk is kept")

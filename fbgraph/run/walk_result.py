@@ -11,11 +11,11 @@ from fbgraph.core.aids import Aids, Told
 from fbgraph.core.config import Config
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.georeference import Georeference
-from fbgraph.core.log import SensorLog
+from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.answers import Belief, Smoothed
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import StepTrack
+from fbgraph.estimators.estimates import Belief, Smoothed
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.run.inputs import RunInputs
 from fbgraph.way_back.records import ReturnUpdate, TurnBack
 

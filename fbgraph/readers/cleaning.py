@@ -11,7 +11,7 @@ import numpy as np
 from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
-from fbgraph.core.log import Event, SensorLog, Stream
+from fbgraph.core.sensor_log import Event, SensorLog, Stream
 
 MIN_DURATION_S = 1.0
 MIN_SAMPLES = 10

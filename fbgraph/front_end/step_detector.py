@@ -6,9 +6,9 @@ import numpy as np
 
 from fbgraph.core.config import StepsConfig
 from fbgraph.core.geometry import FloatArray
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import LOOK_BACK_S, Peak
-from fbgraph.front_end.windows import WindowMoments
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.running_sums import WindowMoments
+from fbgraph.front_end.step_track import LOOK_BACK_S, Peak
 
 _WOBBLE_WINDOW_S, _WOBBLE_STEP_S = 2.0, 0.1
 

@@ -17,10 +17,10 @@ from fbgraph.core.config import Config, GraphConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.answers import Smoothed
-from fbgraph.estimators.graph import build_graph
+from fbgraph.estimators.estimates import Smoothed
+from fbgraph.estimators.factor_graph import build_graph
 from fbgraph.estimators.residuals import factor_residuals
-from fbgraph.front_end.track import StepTrack
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.follower import find_closures
 from fbgraph.way_back.records import Closure, TurnBack
 from fbgraph.way_back.turn_back import find_turn_back

@@ -9,9 +9,9 @@ import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import LOOK_BACK_S, Peak, Step, flat_length_m
+from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step, flat_length_m
 
 _ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
 

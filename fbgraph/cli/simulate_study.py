@@ -101,8 +101,8 @@ def study(
 
     from fbgraph.core.bounded import parse_size
     from fbgraph.core.config import STUDY_TABLE, load_config
-    from fbgraph.study.layout import load_layout
-    from fbgraph.study.run import SIMULATED, study_files
+    from fbgraph.study.column_names import load_layout
+    from fbgraph.study.run_study import SIMULATED, study_files
 
     simulated = dataset == SIMULATED
     if seed is not None and not simulated:

@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from fbgraph.core.palette import COLORS
+from fbgraph.core.colors import COLORS
 from fbgraph.recording.map_frame import Frame
 from fbgraph.recording.writer import RrdWriter, entity_below
 from fbgraph.study.protocol import LABELS, StudyResult

@@ -10,8 +10,8 @@ from pathlib import Path
 from types import TracebackType
 
 from fbgraph.core.errors import DataError
-from fbgraph.core.log import SensorLog
-from fbgraph.readers.base import OPTIONAL_SENSORS
+from fbgraph.core.sensor_log import SensorLog
+from fbgraph.readers.cleaning import OPTIONAL_SENSORS
 from fbgraph.readers.live_lines import LiveReader
 
 _TAIL_BYTES, _BLOCK_BYTES = 1 << 16, 1 << 21

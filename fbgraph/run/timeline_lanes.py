@@ -8,10 +8,10 @@ import numpy as np
 
 from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.geometry import BoolArray, FloatArray
-from fbgraph.estimators.field import FieldMemory
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import StepTrack
-from fbgraph.run.result import WalkResult
+from fbgraph.estimators.magnetic_field import FieldMemory
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import StepTrack
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.records import ReturnUpdate
 
 Lane = list[tuple[float, str | None]]

@@ -20,14 +20,14 @@ from fbgraph.core.errors import ConfigError, DataError, FbgraphError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
 from fbgraph.estimators.baselines import baselines
-from fbgraph.estimators.online import OnlineSmoother
-from fbgraph.estimators.smoother import smooth
-from fbgraph.front_end.front_end import detect_steps
-from fbgraph.front_end.track import StepTrack
+from fbgraph.estimators.batch_smoother import smooth
+from fbgraph.estimators.online_smoother import OnlineSmoother
+from fbgraph.front_end.detect_steps import detect_steps
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.study.calibration import LAMBDAS, Evidence, StepModel, evidence, fit, map_offset_rad
+from fbgraph.study.column_names import DatasetConfig
 from fbgraph.study.comparison import Comparison, Overall, current_of, interval_of_mean, paired
 from fbgraph.study.dataset import Dataset, read_dataset
-from fbgraph.study.layout import DatasetConfig
 from fbgraph.study.protocol import (
     LABELS,
     MethodResult,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from fbgraph.front_end.track import Step
+from fbgraph.front_end.step_track import Step
 
 _MEMORY_STEPS = 30
 

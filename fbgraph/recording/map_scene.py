@@ -13,16 +13,16 @@ import numpy as np
 import rerun as rr
 
 from fbgraph.core.checkpoints import anchor_breadcrumbs
+from fbgraph.core.colors import COLORS, LABELS
 from fbgraph.core.geometry import FloatArray, IntArray
-from fbgraph.core.palette import COLORS, LABELS
 from fbgraph.core.safe_text import short_name
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.answers import Belief
+from fbgraph.estimators.estimates import Belief
 from fbgraph.recording.map_frame import MOST_LABELS, Frame
 from fbgraph.recording.writer import RrdWriter
-from fbgraph.run.lanes import DOUBTED, compass_lane
-from fbgraph.run.result import ESTIMATORS, WalkResult
 from fbgraph.run.scores import score_label
+from fbgraph.run.timeline_lanes import DOUBTED, compass_lane
+from fbgraph.run.walk_result import ESTIMATORS, WalkResult
 from fbgraph.way_back.legs import Directions
 from fbgraph.way_back.records import ReturnUpdate
 

@@ -24,7 +24,7 @@ FACTOR_KINDS = (
     "closure",
     "closed_walk",
 )
-"""In the order of the table atop ``fbgraph.estimators.graph``; priors on the origin are none of them."""
+"""In the order of the table atop ``fbgraph.estimators.factor_graph``; priors on the origin are none of them."""
 
 
 @dataclass(frozen=True)

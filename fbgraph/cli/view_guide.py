@@ -78,7 +78,7 @@ def evaluate(
 ) -> None:
     """Score a run folder against known places."""
     from fbgraph.core.checkpoints import read_checkpoints
-    from fbgraph.run.reading import read_run, score_run
+    from fbgraph.run.read_run import read_run, score_run
 
     saved = read_run(run)
     scores = score_run(saved, read_checkpoints(truth))
@@ -110,8 +110,8 @@ def guide(
     from fbgraph.core.georeference import parse_origin
     from fbgraph.core.whole_writes import whole_file
     from fbgraph.run.folder import require_free
-    from fbgraph.run.reading import read_directions, read_georeference, read_run
-    from fbgraph.way_back.maps import format_directions
+    from fbgraph.run.read_run import read_directions, read_georeference, read_run
+    from fbgraph.way_back.gpx_geojson import format_directions
 
     if units not in ("metric", "steps"):
         raise ConfigError(f"unknown units {units!r}: expected metric or steps")

@@ -33,8 +33,8 @@ from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.field import FieldMemory
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.estimators.magnetic_field import FieldMemory
+from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.records import Closure
 
 _FREE_RAD = 100.0  # a standard deviation that says nothing, yet keeps the system well conditioned

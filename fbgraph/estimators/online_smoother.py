@@ -15,15 +15,15 @@ from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.config import Config
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import wrap_scalar
-from fbgraph.core.log import Event, SensorLog
+from fbgraph.core.sensor_log import Event, SensorLog
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
-from fbgraph.estimators.answers import Belief, Smoothed, Update
-from fbgraph.estimators.graph import GraphBuilder, Node, anchor_factor
-from fbgraph.estimators.smoother import smooth, tie_way_back
-from fbgraph.estimators.window import IsamWindow
-from fbgraph.front_end.front_end import FrontEnd
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.estimators.batch_smoother import smooth, tie_way_back
+from fbgraph.estimators.estimates import Belief, Smoothed, Update
+from fbgraph.estimators.factor_graph import GraphBuilder, Node, anchor_factor
+from fbgraph.estimators.isam_window import IsamWindow
+from fbgraph.front_end.detect_steps import FrontEnd
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.records import Closure, ReturnUpdate, TurnBack
 
 

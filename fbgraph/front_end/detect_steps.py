@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from fbgraph.core.config import Config
 from fbgraph.core.errors import DataError
-from fbgraph.core.log import SensorLog
-from fbgraph.front_end.detector import StepDetector
-from fbgraph.front_end.gauge import StepGauge
+from fbgraph.core.sensor_log import SensorLog
+from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.leveller import Leveller
-from fbgraph.front_end.signals import LevelledSignals
-from fbgraph.front_end.track import Step, StepTrack
+from fbgraph.front_end.step_detector import StepDetector
+from fbgraph.front_end.step_measurement import StepGauge
+from fbgraph.front_end.step_track import Step, StepTrack
 
 _SLOWEST_HZ = 5.0  # of samples that show steps at 2 Hz
 

@@ -24,7 +24,7 @@ from fbgraph.core.bounded import MOST_COLUMNS
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
-from fbgraph.readers.base import LIMITS, MAX_T_NS, to_ns
+from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, to_ns
 
 ASSUMED_RATE_HZ = 50
 CANONICAL = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa,temp_c,event"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
-from fbgraph.core.log import Stream
+from fbgraph.core.sensor_log import Stream
 
 
 class IntervalMean:

@@ -10,7 +10,7 @@ import numpy as np
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.run.noted import NotedRun
+from fbgraph.run.summary_model import NotedRun
 
 _ROUNDED = 1.5e-6  # files have six digits: two that say the same differ by one unit of the last, and a little
 _SLACK_S = 1.0  # a step ends in the log, give or take what filters hold back

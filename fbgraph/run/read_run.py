@@ -23,12 +23,12 @@ from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.tables import read_numbers, read_text
 from fbgraph.core.trajectory import Trajectory, read_tum
-from fbgraph.run.agreement import require_agreement, require_same_states
 from fbgraph.run.digests import DIGESTS, SUMMARY, require_as_written, require_summary_as_written
 from fbgraph.run.folder import BREADCRUMB_HEADER, RAW
-from fbgraph.run.noted import NotedRun, noted_run
-from fbgraph.run.result import ESTIMATORS
+from fbgraph.run.run_checks import require_agreement, require_same_states
 from fbgraph.run.scores import score_entry, score_label
+from fbgraph.run.summary_model import NotedRun, noted_run
+from fbgraph.run.walk_result import ESTIMATORS
 from fbgraph.way_back.legs import Directions, directions_of
 
 _MOST_SIGMA = 1e6  # metres, radians: nobody is that lost
