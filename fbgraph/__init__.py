@@ -75,7 +75,7 @@ _WHERE = {
     **dict.fromkeys(("Checkpoints", "read_checkpoints"), "core.checkpoints"),
     **dict.fromkeys(("Config", "load_config"), "core.config"),
     **dict.fromkeys(("ConfigError", "DataError", "EstimationError", "FbgraphError"), "core.errors"),
-    "SensorLog": "core.log",
+    "SensorLog": "core.sensor_log",
     "Trajectory": "core.trajectory",
     "read_log": "readers",
 }

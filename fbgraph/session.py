@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from fbgraph.core.errors import DataError, EstimationError
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.whole_writes import whole_file
 from fbgraph.estimators.baselines import baselines
-from fbgraph.estimators.estimates import Update
+from fbgraph.estimators.estimates import Belief, Update
 from fbgraph.estimators.online_smoother import OnlineSmoother
 from fbgraph.front_end.detect_steps import detect_steps
 from fbgraph.pipeline import compose, reconstruct, require_anchors_within, stand_in
@@ -29,13 +29,29 @@ from fbgraph.run.metrics import checkpoint_errors
 from fbgraph.run.summary import summarize, summary_markdown
 from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.guide import ReturnGuide
-
-if TYPE_CHECKING:
-    from fbgraph.recording.live_view import LiveView
+from fbgraph.way_back.records import ReturnUpdate
 
 OnUpdate = Callable[[Update], None]
 Tell = Callable[[str], None]
 """Called with a sentence for the user."""
+
+
+class WalkViewer(Protocol):
+    """Somebody who shows a walk while it goes on: ``recording.live_view.LiveView``."""
+
+    def fed(
+        self,
+        piece: SensorLog,
+        smoother: OnlineSmoother,
+        beliefs: Sequence[Belief],
+        returning: Sequence[ReturnUpdate] = (),
+    ) -> None:
+        """Note a piece of log that the smoother was just fed, what it came to believe, and what the wearer was told."""
+
+    def finished(self, result: WalkResult, smoother: OnlineSmoother, summary_markdown: str) -> None:
+        """Show the finished walk."""
+
+
 _BELIEF_STEPS = 5  # as often as iSAM2 relinearises
 
 
@@ -61,7 +77,7 @@ def cut_log(
 class WalkInProgress:
     """The online smoother, its guide and its viewer, fed together."""
 
-    def __init__(self, config: Config, aids: Aids, believe: bool = False, view: LiveView | None = None) -> None:
+    def __init__(self, config: Config, aids: Aids, believe: bool = False, view: WalkViewer | None = None) -> None:
         """A walk that has not begun.
 
         Args:
@@ -198,7 +214,7 @@ def replay_log(
     on_update: OnUpdate | None = None,
     stop: Callable[[], bool] = lambda: False,
     recording: bool = True,
-    view: LiveView | None = None,
+    view: WalkViewer | None = None,
     inputs: RunInputs | None = None,
 ) -> WalkResult:
     """Feed a log through the online path.
@@ -240,7 +256,7 @@ def follow_source(
     tell: Tell = lambda text: None,
     resume: bool = False,
     recording: bool = True,
-    view: LiveView | None = None,
+    view: WalkViewer | None = None,
     inputs: RunInputs | None = None,
 ) -> WalkResult:
     """Follow a live source; every byte is on disk before it is used, and recorded whatever the estimates do.
