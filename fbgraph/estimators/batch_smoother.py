@@ -20,6 +20,7 @@ from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.estimates import Smoothed
 from fbgraph.estimators.factor_graph import build_graph
 from fbgraph.estimators.residuals import factor_residuals
+from fbgraph.estimators.shared_errors import walk_covariance
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.follower import find_closures
 from fbgraph.way_back.records import Closure, TurnBack
@@ -207,16 +208,3 @@ def body_to_world(covariance: FloatArray, yaw_rad: FloatArray) -> FloatArray:
     rotation[:, 0, 1] = -rotation[:, 1, 0]
     rotation[:, 2, 2] = 1.0
     return np.asarray(rotation @ covariance @ rotation.transpose(0, 2, 1))
-
-
-def walk_covariance(poses: FloatArray, config: GraphConfig) -> FloatArray:
-    """(N, 3, 3) covariance of the errors that all steps of a walk share: its scale and its mount.
-
-    They turn and stretch the walk about its start and nothing inside it can tell, a closed end included; they need no
-    node of their own: with r = p - p_0, the scale moves p by r and the mount turns it by r⊥.
-    """
-    rx, ry = poses[:, 0] - poses[0, 0], poses[:, 1] - poses[0, 1]
-    zeros, ones = np.zeros(len(poses)), np.ones(len(poses))
-    scale = np.column_stack((rx, ry, zeros)) * config.sigma_length_scale
-    mount = np.column_stack((-ry, rx, ones)) * config.sigma_mount_rad
-    return np.asarray(np.einsum("ni,nj->nij", scale, scale) + np.einsum("ni,nj->nij", mount, mount))

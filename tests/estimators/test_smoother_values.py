@@ -13,8 +13,9 @@ from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import Config, GraphConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.batch_smoother import body_to_world, smooth, tie_way_back, walk_covariance
+from fbgraph.estimators.batch_smoother import body_to_world, smooth, tie_way_back
 from fbgraph.estimators.estimates import Smoothed
+from fbgraph.estimators.shared_errors import walk_covariance
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.records import Closure
 
