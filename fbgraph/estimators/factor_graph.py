@@ -130,8 +130,10 @@ class GraphBuilder:
 
     def _add_length(self, k: int, step: Step, previous: Step, graph: gtsam.NonlinearFactorGraph) -> None:
         config = self._config
-        along = math.hypot(self._sigma_length_rel * step.length_m, config.sigma_slope_rel * step.shortened_m)
-        across, turn = config.sigma_lateral_m, _FREE_RAD
+        along = math.hypot(
+            self._sigma_length_rel * step.length_m, config.sigma_slope_rel * step.shortened_m, step.doubt_m
+        )
+        across, turn = math.hypot(config.sigma_lateral_m, step.doubt_m), _FREE_RAD
         if not step.chained:
             silent_s = step.t_s - previous.t_s
             along = across = config.sigma_gap_m_s * silent_s

@@ -44,6 +44,9 @@ class Step:
     """By how much the slope term γ s changed the length."""
     bounce_m_s2: float
     """Peak-to-peak vertical acceleration."""
+    doubt_m: float
+    """Standard deviation of the length beyond the model's, and of the way it went: walking whose steps were not
+    resolved. 0 of an ordinary step."""
     yaw_s: float
     """Time to which the mean headings refer, the middle of the step."""
     yaw_gyro_rad: float

@@ -67,6 +67,12 @@ def test_the_slope_term_adds_its_own_share_to_the_length_sigma() -> None:
     assert sigmas_of(factor)[:2] == pytest.approx([0.1, 0.04])  # hypot(10 % of 0.6, half of 0.16) = hypot(.06, .08)
 
 
+def test_a_doubtful_length_is_doubtful_in_every_direction() -> None:
+    step = make_step(length_m=0.6, doubt_m=0.08)
+    factor = the_factor(graph_of([stand(), step], CONFIG), "BetweenFactorPose2", X(1), X(0))
+    assert sigmas_of(factor)[:2] == pytest.approx([0.1, np.hypot(0.04, 0.08)])
+
+
 @pytest.mark.parametrize("aids", [ONE_PLACE, Aids(closed_walk=True)])
 def test_known_places_let_every_step_stretch_by_the_error_they_share(aids: Aids) -> None:
     factor = the_factor(graph_of([stand(), make_step()], CONFIG, aids), "BetweenFactorPose2", X(1), X(0))

@@ -42,6 +42,7 @@ def make_track(
                 slope=0.0,
                 shortened_m=0.0,
                 bounce_m_s2=5.0,
+                doubt_m=0.0,
                 yaw_s=yaw_s,
                 yaw_gyro_rad=float(yaw) + 1.234 + bias_rad_s * yaw_s,
                 yaw_mag_rad=float(wrap_angle(np.asarray(yaw))) if compass and k else nan,
