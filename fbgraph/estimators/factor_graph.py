@@ -23,25 +23,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, X, Z
 
 from fbgraph.core.aids import Aids
-from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.aid_factors import add_aids
 from fbgraph.estimators.magnetic_field import FieldMemory
+from fbgraph.estimators.noise_models import FREE_RAD, HUBER, sigmas
 from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.records import Closure
 
-_FREE_RAD = 100.0  # a standard deviation that says nothing, yet keeps the system well conditioned
 _FREE_M = 1000.0
-_HUBER = 1.345  # 95 % efficient where errors are normal
-_CAUCHY = 1.0
-_FIXED_FACTOR = 1.5  # of a closure's sigma, where the earlier breadcrumb can no longer move
 _FIXED = 1e-3  # metres and radians; the origin
 _YAW_ROW = np.array([[0.0, 0.0, 1.0]])
 
@@ -88,7 +84,7 @@ class GraphBuilder:
         self._field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
         self._altitude_0 = math.nan
         self._huber = gtsam.noiseModel.mEstimator.Huber
-        self._barometer = gtsam.noiseModel.Robust.Create(self._huber.Create(_HUBER), _sigmas(config.sigma_altitude_m))
+        self._barometer = gtsam.noiseModel.Robust.Create(self._huber.Create(HUBER), sigmas(config.sigma_altitude_m))
 
     def add(
         self,
@@ -122,26 +118,24 @@ class GraphBuilder:
 
     def _add_start(self, node: Node, graph: gtsam.NonlinearFactorGraph) -> None:
         sigma = _FREE_M if self._aids.places_known else _FIXED
-        graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), _sigmas(sigma, sigma)))
-        graph.push_back(gtsam.PriorFactorDouble(Z(0), 0.0, _sigmas(_FIXED)))
-        graph.push_back(gtsam.PriorFactorDouble(B(0), 0.0, _sigmas(self._config.sigma_bias_rad_s)))
-        sigma = _FREE_RAD if self._compass or self._aids.direction_known else _FIXED
-        graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), _sigmas(sigma)))
+        graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), sigmas(sigma, sigma)))
+        graph.push_back(gtsam.PriorFactorDouble(Z(0), 0.0, sigmas(_FIXED)))
+        graph.push_back(gtsam.PriorFactorDouble(B(0), 0.0, sigmas(self._config.sigma_bias_rad_s)))
+        sigma = FREE_RAD if self._compass or self._aids.direction_known else _FIXED
+        graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), sigmas(sigma)))
 
     def _add_length(self, k: int, step: Step, previous: Step, graph: gtsam.NonlinearFactorGraph) -> None:
         config = self._config
         along = math.hypot(
             self._sigma_length_rel * step.length_m, config.sigma_slope_rel * step.shortened_m, step.doubt_m
         )
-        across, turn = math.hypot(config.sigma_lateral_m, step.doubt_m), _FREE_RAD
+        across, turn = math.hypot(config.sigma_lateral_m, step.doubt_m), FREE_RAD
         if not step.chained:
             silent_s = step.t_s - previous.t_s
             along = across = config.sigma_gap_m_s * silent_s
             turn = min(config.sigma_gap_yaw_rad_s * silent_s, math.pi)
         graph.push_back(
-            gtsam.BetweenFactorPose2(
-                X(k), X(k - 1), gtsam.Pose2(-step.length_m, 0.0, 0.0), _sigmas(along, across, turn)
-            )
+            gtsam.BetweenFactorPose2(X(k), X(k - 1), gtsam.Pose2(-step.length_m, 0.0, 0.0), sigmas(along, across, turn))
         )
 
     def _add_heading(
@@ -153,9 +147,9 @@ class GraphBuilder:
             increment = step.yaw_gyro_rad - previous.yaw_gyro_rad
             graph.push_back(heading_factor(k, increment, dt_s, config.sigma_yaw_step_rad, node, previous_node))
         drift = config.sigma_bias_walk_rad_s * math.sqrt(max(dt_s, 1e-3))
-        graph.push_back(gtsam.BetweenFactorDouble(B(k - 1), B(k), 0.0, _sigmas(drift)))
+        graph.push_back(gtsam.BetweenFactorDouble(B(k - 1), B(k), 0.0, sigmas(drift)))
         if step.rest_s > 0:
-            graph.push_back(gtsam.PriorFactorDouble(B(k), step.rest_rate_rad_s, _sigmas(step.rest_sigma_rad_s)))
+            graph.push_back(gtsam.PriorFactorDouble(B(k), step.rest_rate_rad_s, sigmas(step.rest_sigma_rad_s)))
 
     def _add_compass(self, k: int, step: Step, graph: gtsam.NonlinearFactorGraph) -> None:
         if not math.isfinite(step.yaw_mag_rad):
@@ -167,7 +161,7 @@ class GraphBuilder:
         a = math.exp(-max(step.length_m, 0.05) / config.mag_correlation_m)
         inflation = math.sqrt((1.0 + a) / (1.0 - a))
         huber = self._huber.Create(config.mag_huber / inflation)
-        model = gtsam.noiseModel.Robust.Create(huber, _sigmas(sigma * inflation))
+        model = gtsam.noiseModel.Robust.Create(huber, sigmas(sigma * inflation))
         graph.push_back(gtsam.PoseRotationPrior2D(X(k), gtsam.Rot2(step.yaw_mag_rad), model))
 
     def _add_altitude(self, k: int, step: Step, graph: gtsam.NonlinearFactorGraph) -> None:
@@ -175,7 +169,7 @@ class GraphBuilder:
         if math.isnan(self._altitude_0):
             self._altitude_0 = step.altitude_m
         if k > 0:
-            graph.push_back(gtsam.BetweenFactorDouble(Z(k - 1), Z(k), 0.0, _sigmas(config.sigma_climb_m)))
+            graph.push_back(gtsam.BetweenFactorDouble(Z(k - 1), Z(k), 0.0, sigmas(config.sigma_climb_m)))
         if k > 0 and math.isfinite(step.altitude_m):
             graph.push_back(gtsam.PriorFactorDouble(Z(k), step.altitude_m - self._altitude_0, self._barometer))
 
@@ -200,13 +194,7 @@ def build_graph(
         node = Node(*row)
         builder.add(step, node, previous, graph, values)
         previous = node
-    if aids.anchors is not None:
-        for i, k in enumerate(anchor_breadcrumbs(aids.anchors, track.t_s).tolist()):
-            graph.push_back(anchor_factor(aids.anchors, i, k, track.steps[k], config))
-    if aids.closed_walk:
-        graph.push_back(closed_walk_factor(len(track) - 1, config))
-    for closure in closures:
-        graph.push_back(closure_factor(closure))
+    add_aids(graph, track, aids, closures, config)
     return graph, values
 
 
@@ -231,60 +219,10 @@ def heading_factor(
         B(k),
         np.array([[dt_s]]),
         np.array([residual]),
-        _sigmas(sigma_rad),
+        sigmas(sigma_rad),
     )
     point = gtsam.Values()
     point.insert(X(k - 1), previous.pose)
     point.insert(X(k), node.pose)
     point.insert(B(k), node.bias_rad_s)
     return gtsam.LinearContainerFactor(jacobian, point)
-
-
-def anchor_factor(
-    anchors: Checkpoints, i: int, k: int, step: Step, config: GraphConfig
-) -> gtsam.PoseTranslationPrior2D:
-    """Anchor i at breadcrumb k, the nearest in time; robust (Huber), for people press buttons late.
-
-    The breadcrumb may be half a step away from where the anchor was passed, which adds to its sigma.
-
-    Args:
-        anchors: known places.
-        i: which of them.
-        k: index of the breadcrumb.
-        step: the step that ends there.
-        config: what to believe of anchors without a sigma of their own.
-    """
-    own_m = float(anchors.sigma_m[i])
-    sigma_m = math.hypot(config.sigma_anchor_m if math.isnan(own_m) else own_m, 0.5 * step.length_m)
-    huber = gtsam.noiseModel.mEstimator.Huber.Create(_HUBER)
-    model = gtsam.noiseModel.Robust.Create(huber, _sigmas(sigma_m, sigma_m))
-    place = gtsam.Pose2(float(anchors.x_m[i]), float(anchors.y_m[i]), 0.0)
-    return gtsam.PoseTranslationPrior2D(X(k), place, model)
-
-
-def closed_walk_factor(last: int, config: GraphConfig) -> gtsam.PoseTranslationPrior2D:
-    """The walk ends, at breadcrumb ``last``, where it began."""
-    return gtsam.PoseTranslationPrior2D(X(last), gtsam.Pose2(), _sigmas(config.sigma_closure_m, config.sigma_closure_m))
-
-
-def closure_factor(closure: Closure) -> gtsam.BetweenFactorPose2:
-    """BetweenFactorPose2 on X(i), X(j), yaw left free; robust (Cauchy), for a wrong match is worse than none."""
-    place = gtsam.Pose2(closure.along_m, 0.0, math.pi)  # facing the other way
-    model = _cauchy(closure.sigma_along_m, closure.sigma_across_m, _FREE_RAD)
-    return gtsam.BetweenFactorPose2(X(closure.i), X(closure.j), place, model)
-
-
-def closure_prior(closure: Closure, x_m: float, y_m: float, yaw_rad: float) -> gtsam.PoseTranslationPrior2D:
-    """The same where breadcrumb ``i`` is fixed at a place and direction: a robust prior on X(j)."""
-    sigma_m = _FIXED_FACTOR * math.hypot(closure.sigma_along_m, closure.sigma_across_m) / math.sqrt(2.0)
-    x_m, y_m = x_m + closure.along_m * math.cos(yaw_rad), y_m + closure.along_m * math.sin(yaw_rad)
-    return gtsam.PoseTranslationPrior2D(X(closure.j), gtsam.Pose2(x_m, y_m, 0.0), _cauchy(sigma_m, sigma_m))
-
-
-def _cauchy(*sigmas: float) -> gtsam.noiseModel.Robust:
-    return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(_CAUCHY), _sigmas(*sigmas))
-
-
-@lru_cache(maxsize=512)  # most steps have the same
-def _sigmas(*values: float) -> gtsam.noiseModel.Diagonal:
-    return gtsam.noiseModel.Diagonal.Sigmas(np.array(values))

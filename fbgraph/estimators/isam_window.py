@@ -18,7 +18,8 @@ from gtsam.symbol_shorthand import B, X, Z
 from fbgraph.core.config import OnlineConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import wrap_scalar
-from fbgraph.estimators.factor_graph import Node, closure_factor, closure_prior
+from fbgraph.estimators.aid_factors import closure_factor, closure_prior
+from fbgraph.estimators.factor_graph import Node
 from fbgraph.way_back.records import Closure
 
 _KEEP = 1e6  # a relinearisation threshold that is never reached: positions and biases are linear given yaw

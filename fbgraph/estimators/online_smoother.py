@@ -17,9 +17,10 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import wrap_scalar
 from fbgraph.core.sensor_log import Event, SensorLog
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
+from fbgraph.estimators.aid_factors import anchor_factor
 from fbgraph.estimators.batch_smoother import smooth, tie_way_back
 from fbgraph.estimators.estimates import Belief, Smoothed, Update
-from fbgraph.estimators.factor_graph import GraphBuilder, Node, anchor_factor
+from fbgraph.estimators.factor_graph import GraphBuilder, Node
 from fbgraph.estimators.isam_window import IsamWindow
 from fbgraph.front_end.detect_steps import FrontEnd
 from fbgraph.front_end.levelled_signals import LevelledSignals

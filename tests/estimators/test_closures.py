@@ -4,7 +4,7 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
 
-from fbgraph.estimators.factor_graph import closure_factor
+from fbgraph.estimators.aid_factors import closure_factor
 from fbgraph.way_back.records import Closure
 
 

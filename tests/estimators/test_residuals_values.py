@@ -9,8 +9,8 @@ from support.factors import graph_of, make_step, stand, values_at
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import GraphConfig
+from fbgraph.estimators.aid_factors import anchor_factor, closed_walk_factor, closure_factor
 from fbgraph.estimators.estimates import FACTOR_KINDS, Residuals
-from fbgraph.estimators.factor_graph import anchor_factor, closed_walk_factor, closure_factor
 from fbgraph.estimators.residuals import factor_residuals
 from fbgraph.way_back.records import Closure
 

@@ -15,15 +15,9 @@ from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import anchor_breadcrumbs, checkpoints
 from fbgraph.core.config import GraphConfig, OnlineConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
+from fbgraph.estimators.aid_factors import anchor_factor, closure_factor, closure_prior
 from fbgraph.estimators.batch_smoother import smooth
-from fbgraph.estimators.factor_graph import (
-    GraphBuilder,
-    Node,
-    anchor_factor,
-    build_graph,
-    closure_factor,
-    closure_prior,
-)
+from fbgraph.estimators.factor_graph import GraphBuilder, Node, build_graph
 from fbgraph.estimators.isam_window import IsamWindow
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.records import Closure
