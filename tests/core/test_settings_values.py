@@ -12,11 +12,9 @@ from fbgraph.core.config import (
     StepsConfig,
     dump_toml,
     load_config,
-    override,
-    parse_toml,
-    preset_names,
     validated,
 )
+from fbgraph.core.config_text import override, parse_toml, preset_names
 from fbgraph.core.errors import ConfigError
 
 
