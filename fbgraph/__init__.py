@@ -59,6 +59,7 @@ ROOMS = (
     "front_end",
     "way_back",
     "estimators",
+    "integrity",
     "run",
     "recording",
     "study",

@@ -20,6 +20,7 @@ from fbgraph.core.georeference import Georeference
 from fbgraph.core.safe_text import short_name
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.core.verdict import Integrity
 from fbgraph.estimators.estimates import Update
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import preset, read_log
@@ -59,6 +60,11 @@ class Walk:
     summary: Mapping[str, Any]
     result: WalkResult | None = field(default=None, repr=False)
     folder: Path | None = None
+
+    @property
+    def integrity(self) -> Integrity:
+        """How far the smoothed walk may be believed, and why no further."""
+        return Integrity.from_dict(self.summary.get("integrity"))
 
     @property
     def findings(self) -> list[Finding]:

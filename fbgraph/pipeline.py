@@ -25,6 +25,7 @@ from fbgraph.estimators.estimates import Smoothed
 from fbgraph.front_end.detect_steps import detect_steps
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import StepTrack
+from fbgraph.integrity.assess import assess
 from fbgraph.readers import preset, read_log
 from fbgraph.run.folder import RunClaim, write_tables
 from fbgraph.run.inputs import RunInputs
@@ -150,7 +151,7 @@ def compose(
     known.sort(key=lambda one: one[0] == "online")  # in the order of ``ESTIMATORS``
     log, told = _doubted(log, told)
     truth = None if told.truth is None else told.truth.in_frame_of(told.anchors)
-    return WalkResult(
+    result = WalkResult(
         log=log,
         config=config,
         signals=signals,
@@ -160,6 +161,17 @@ def compose(
         told=replace(told, truth=truth),
         failed=failed,
     )
+    return _checked(result)
+
+
+def _checked(result: WalkResult) -> WalkResult:
+    """The walk with its verdict; where it is doubtful, the covariance is widened to what was found."""
+    found = assess(result)
+    trajectories = dict(result.trajectories)
+    if "smoothed" in trajectories:
+        trajectories["smoothed"] = found.trajectory
+    smoothed = replace(result.smoothed, trajectory=found.trajectory)
+    return replace(result, smoothed=smoothed, trajectories=trajectories, integrity=found.integrity)
 
 
 def _doubted(log: SensorLog, told: Told) -> tuple[SensorLog, Told]:

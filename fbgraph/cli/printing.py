@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from fbgraph.core.safe_text import for_json, for_terminal, short_name, visible
+from fbgraph.core.verdict import Integrity, verdict_lines
 
 if TYPE_CHECKING:
     from fbgraph.pipeline import Progress
@@ -95,6 +96,10 @@ def print_summary(summary: dict[str, Any]) -> None:
         _print_return(summary["return"])
     for text in summary["warnings"]:
         say(f"note: {text}")
+    verdict, *reasons = verdict_lines(Integrity.from_dict(summary.get("integrity")))
+    say(verdict)
+    for reason in reasons:
+        say(f"  - {reason}")
 
 
 def _print_return(way_back: dict[str, Any]) -> None:

@@ -32,7 +32,20 @@ def walk_findings(result: WalkResult) -> list[Finding]:
     """Everything worth telling of a walk, in order of time; of each kind the longest stretches only."""
     kinds = (_compass(result), _steps(result), _gaps(result), _places(result), _truth(result))
     chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
-    return sorted([*chosen, *_bias(result)], key=lambda finding: finding.start_s)
+    return sorted([*_doubts(result), *chosen, *_bias(result)], key=lambda finding: finding.start_s)
+
+
+def _doubts(result: WalkResult) -> list[Finding]:
+    """Why the walk is doubted, as its verdict says: all of it, however much."""
+    return [
+        Finding(
+            reason.kind,
+            0.0 if reason.start_s is None else reason.start_s,
+            result.log.duration_s if reason.end_s is None else reason.end_s,
+            reason.sentence,
+        )
+        for reason in result.integrity.reasons
+    ]
 
 
 def _compass(result: WalkResult) -> list[Finding]:

@@ -11,6 +11,7 @@ import numpy as np
 from fbgraph import __version__
 from fbgraph.core.colors import LABELS
 from fbgraph.core.safe_text import MOST_NAME, for_markdown
+from fbgraph.core.verdict import MOST_TOLD, Integrity, verdict_lines
 from fbgraph.run.findings import walk_findings
 from fbgraph.run.scores import score_entry, score_label
 from fbgraph.run.walk_result import WalkResult
@@ -53,6 +54,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
             "counts": dict(log.counts),
             "events": [{"t_s": event.t_s + log.t0_s, "label": event.label} for event in log.events],
         },
+        "integrity": result.integrity.as_dict(),
         "steps": len(track) - 1,
         "walk_s": float(track.t_s[-1] - track.t_s[0]),
         "distance_m": float(final.distance_m[-1]),
@@ -137,8 +139,13 @@ def summary_markdown(summary: dict[str, Any]) -> str:
     best = "ekf" if "smoothed" in summary["failed"] else "smoothed"
     smoothed = summary["estimators"][best]
     why = for_markdown(summary["failed"].get("smoothed", ""))
+    integrity = Integrity.from_dict(summary.get("integrity"))
+    verdict, *reasons = verdict_lines(integrity)
     lines = [
         f"# {for_markdown(summary['log']['name'], MOST_NAME)}",
+        f"**{for_markdown(verdict[0].upper() + verdict[1:])}.**",
+        *(f"- {for_markdown(reason)}" for reason in reasons),
+        "",
         f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, "
         f"{summary['distance_m']:.0f} m as smoothed, {turns}, altitude {low:+.1f} to {high:+.1f} m.",
         *([f"\n**The smoother failed: what is drawn as smoothed is the EKF's walk.** {why}"] if best == "ekf" else []),
@@ -172,7 +179,8 @@ def summary_markdown(summary: dict[str, Any]) -> str:
     lines += (
         ["", "## Warnings", *(f"- {for_markdown(text)}" for text in summary["warnings"])] if summary["warnings"] else []
     )
-    worth = [f for f in findings if f["kind"] != "gyro_bias"]
+    told_above = {reason.sentence for reason in integrity.reasons[:MOST_TOLD]}
+    worth = [f for f in findings if f["kind"] != "gyro_bias" and f["text"] not in told_above]
     worth.sort(key=lambda f: f["kind"] != "truth")  # what is wrong before what may be its cause
     if worth:
         lines += ["", "## Worth a look"]

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, InstanceOf, ValidationError
 
 from fbgraph.core.errors import DataError
+from fbgraph.core.verdict import Verdict
 
 
 def _without_nul(text: str) -> str:
@@ -81,6 +82,21 @@ class _Finding(_Noted):
     text: _Shown
 
 
+class _Reason(_Noted):
+    kind: _Shown
+    weight: float
+    text: _Shown
+    advice: _Shown
+    start_s: float | None = None
+    end_s: float | None = None
+
+
+class _Integrity(_Noted):
+    verdict: Verdict
+    widened: Annotated[float, Field(ge=0.0)]
+    reasons: list[_Reason]
+
+
 class _Inputs(_Noted):
     log: _Text | None = None
     format: _Text | None = None
@@ -106,6 +122,7 @@ class NotedRun(_Noted):
     anchors: _Count = 0
     georeference: _Georeference | None = None
     findings: list[_Finding] = []
+    integrity: _Integrity | None = None
     inputs: _Inputs | None = None
     sha256: dict[str, str] = {}
 

@@ -13,6 +13,7 @@ from fbgraph.core.geometry import FloatArray
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.core.verdict import Integrity
 from fbgraph.estimators.estimates import Belief, Smoothed
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import StepTrack
@@ -41,6 +42,7 @@ class WalkResult:
         turn_back: where the way out ended, if that is known.
         returning: what was told at each step of the way back.
         failed: why, by name of an estimator that failed. Where it is the smoother, ``smoothed`` holds the EKF's walk.
+        integrity: how far the smoothed walk may be believed; its covariance is widened accordingly.
     """
 
     log: SensorLog
@@ -56,6 +58,7 @@ class WalkResult:
     turn_back: TurnBack | None = None
     returning: tuple[ReturnUpdate, ...] = ()
     failed: Mapping[str, str] = field(default_factory=dict)
+    integrity: Integrity = field(default_factory=Integrity)
 
     @property
     def best(self) -> str:

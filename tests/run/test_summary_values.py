@@ -121,7 +121,7 @@ def test_a_field_of_the_log_says(summary: dict[str, Any], name: str) -> None:
 
 
 def test_no_field_is_without_a_test(summary: dict[str, Any]) -> None:
-    elsewhere = {"log", "estimators", "findings", "warnings"}
+    elsewhere = {"log", "estimators", "findings", "warnings", "integrity"}
     assert summary.keys() == {*LENGTHS, *STATE} | elsewhere
     assert summary["log"].keys() == LOG.keys()
 
@@ -261,13 +261,15 @@ def test_few_extremes_are_no_disturbance() -> None:
 
 def test_the_summary_for_people(summary: dict[str, Any]) -> None:
     lines = summary_markdown(summary).splitlines()
-    assert lines[:4] == [
+    assert lines[:6] == [
         "# walk",
+        "**Sound: nothing in the log contradicts this walk.**",
+        "",
         "62 s of log, 60 steps, 30 m as smoothed, 1 turn, altitude -2.0 to +1.5 m.",
         "",
         "The smoothed walk ends 20.0 m East and 10.0 m North of its start, ± 0.8 m (2σ).",
     ]
-    assert lines[5].startswith("The gyroscope's bias by the smoother +0.57 °/s")
+    assert lines[7].startswith("The gyroscope's bias by the smoother +0.57 °/s")
     rows = [line for line in lines if line.startswith("| ")]
     assert rows == [
         "| estimator | ends East, North (m) | RMSE (m) | max (m) | last (m) | told of |",
