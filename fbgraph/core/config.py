@@ -184,6 +184,12 @@ class GraphConfig(Section):
     """Barometric altitude of one step."""
     sigma_climb_m: Sigma = 0.12
     """Change of altitude in one step."""
+    sigma_weather_m: Sigma = 0.02
+    """Drift of air pressure, as altitude, per root second: weather, ventilation, a device that warms up."""
+    sigma_weather_m_s: NonNegative = 2.3e-3
+    """Rate of the weather that is the same all along a walk, as altitude; 1 hPa an hour."""
+    weather_turns_s: Annotated[float, Field(gt=0, le=1e7)] = 36_000.0
+    """How long the weather keeps such a rate."""
     sigma_anchor_m: Sigma = 0.5
     """Anchors that give no sigma of their own."""
     sigma_closure_m: Sigma = 1.0

@@ -17,6 +17,7 @@ from fbgraph.core.config import Config, GraphConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.altitude_chain import weather_sigma_m
 from fbgraph.estimators.estimates import Smoothed
 from fbgraph.estimators.factor_graph import build_graph
 from fbgraph.estimators.residuals import factor_residuals
@@ -183,6 +184,8 @@ def _trajectory_of(
     bias = np.array([result.atDouble(B(k)) for k in range(count)])
     covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])
     sigma_z = np.array([marginals.marginalCovariance(Z(k))[0, 0] for k in range(count)]) ** 0.5
+    if np.isfinite(track.altitude_m).any():
+        sigma_z = np.hypot(sigma_z, weather_sigma_m(track.t_s, config))
     sigma_bias = np.array([marginals.marginalCovariance(B(k))[0, 0] for k in range(count)]) ** 0.5
     covariance = body_to_world(covariance, poses[:, 2])
     if not anchored:

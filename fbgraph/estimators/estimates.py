@@ -19,6 +19,7 @@ FACTOR_KINDS = (
     "compass",
     "barometer",
     "climb",
+    "weather",
     "standing_still",
     "anchor",
     "closure",

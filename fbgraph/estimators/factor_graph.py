@@ -1,15 +1,17 @@
 """The factor graph: what each step says about the breadcrumbs. Builds factors, never solves.
 
-Node k is a breadcrumb: X(k) Pose2 (x, y, yaw), Z(k) altitude, B(k) gyro bias about the vertical. A levelled pedestrian
-has four degrees of freedom; Pose3 would add two that nothing measures. X(k)'s yaw is the mean walking direction of the
-step that ends at k, so "moved L forward" holds in the frame of k:
+Node k is a breadcrumb: X(k) Pose2 (x, y, yaw), Z(k) altitude, B(k) gyro bias about the vertical, D(k) drift of air
+pressure: the height of the isobar that ran through the start. A levelled pedestrian has four degrees of freedom; Pose3
+would add two that nothing measures. X(k)'s yaw is the mean walking direction of the step that ends at k, so "moved L
+forward" holds in the frame of k:
 
     step length     X(k), X(k-1)        kTk-1 = (-L_k, 0), yaw free          BetweenFactorPose2
     heading         X(k-1), X(k), B(k)  Δyaw + b Δt = gyro increment         LinearContainerFactor(JacobianFactor)
     bias walk       B(k-1), B(k)        b drifts slowly                      BetweenFactorDouble
     compass         X(k)                yaw = compass, Huber, by quality     PoseRotationPrior2D
-    barometer       Z(k)                altitude above the start, Huber      PriorFactorDouble
+    barometer       D(k), Z(k)          altitude above the isobar, Huber     BetweenFactorDouble
     climb           Z(k-1), Z(k)        ~0 in one step                       BetweenFactorDouble
+    weather         D(k-1), D(k)        the isobar wanders                   BetweenFactorDouble
     standing still  B(k)                mean yaw rate of a rest is the bias  PriorFactorDouble
     anchor          X(k)                a known place, Huber                 PoseTranslationPrior2D
     closed walk     X(K)                the end is the start                 PoseTranslationPrior2D
@@ -26,19 +28,19 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, X, Z
+from gtsam.symbol_shorthand import B, D, X, Z
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.aid_factors import add_aids
+from fbgraph.estimators.altitude_chain import AltitudeChain
 from fbgraph.estimators.magnetic_field import FieldMemory
-from fbgraph.estimators.noise_models import FREE_RAD, HUBER, sigmas
+from fbgraph.estimators.noise_models import FIXED, FREE_RAD, sigmas
 from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.records import Closure
 
 _FREE_M = 1000.0
-_FIXED = 1e-3  # metres and radians; the origin
 _YAW_ROW = np.array([[0.0, 0.0, 1.0]])
 
 
@@ -51,6 +53,7 @@ class Node:
     z_m: float
     yaw_rad: float
     bias_rad_s: float
+    isobar_m: float = 0.0
 
     @property
     def pose(self) -> gtsam.Pose2:
@@ -82,9 +85,8 @@ class GraphBuilder:
         self._k = -1
         self._previous: Step | None = None
         self._field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
-        self._altitude_0 = math.nan
+        self._altitude = AltitudeChain(config)
         self._huber = gtsam.noiseModel.mEstimator.Huber
-        self._barometer = gtsam.noiseModel.Robust.Create(self._huber.Create(HUBER), sigmas(config.sigma_altitude_m))
 
     def add(
         self,
@@ -107,21 +109,21 @@ class GraphBuilder:
         values.insert(X(k), node.pose)
         values.insert(Z(k), node.z_m)
         values.insert(B(k), node.bias_rad_s)
+        values.insert(D(k), node.isobar_m)
         if previous is None or previous_node is None:
             self._add_start(node, graph)
         else:
             self._add_length(k, step, previous, graph)
             self._add_heading(k, step, previous, node, previous_node, graph)
         self._add_compass(k, step, graph)
-        self._add_altitude(k, step, graph)
+        self._altitude.add(k, step, previous, graph)
         self._previous = step
 
     def _add_start(self, node: Node, graph: gtsam.NonlinearFactorGraph) -> None:
-        sigma = _FREE_M if self._aids.places_known else _FIXED
+        sigma = _FREE_M if self._aids.places_known else FIXED
         graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), sigmas(sigma, sigma)))
-        graph.push_back(gtsam.PriorFactorDouble(Z(0), 0.0, sigmas(_FIXED)))
         graph.push_back(gtsam.PriorFactorDouble(B(0), 0.0, sigmas(self._config.sigma_bias_rad_s)))
-        sigma = FREE_RAD if self._compass or self._aids.direction_known else _FIXED
+        sigma = FREE_RAD if self._compass or self._aids.direction_known else FIXED
         graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), sigmas(sigma)))
 
     def _add_length(self, k: int, step: Step, previous: Step, graph: gtsam.NonlinearFactorGraph) -> None:
@@ -163,15 +165,6 @@ class GraphBuilder:
         huber = self._huber.Create(config.mag_huber / inflation)
         model = gtsam.noiseModel.Robust.Create(huber, sigmas(sigma * inflation))
         graph.push_back(gtsam.PoseRotationPrior2D(X(k), gtsam.Rot2(step.yaw_mag_rad), model))
-
-    def _add_altitude(self, k: int, step: Step, graph: gtsam.NonlinearFactorGraph) -> None:
-        config = self._config
-        if math.isnan(self._altitude_0):
-            self._altitude_0 = step.altitude_m
-        if k > 0:
-            graph.push_back(gtsam.BetweenFactorDouble(Z(k - 1), Z(k), 0.0, sigmas(config.sigma_climb_m)))
-        if k > 0 and math.isfinite(step.altitude_m):
-            graph.push_back(gtsam.PriorFactorDouble(Z(k), step.altitude_m - self._altitude_0, self._barometer))
 
 
 def build_graph(

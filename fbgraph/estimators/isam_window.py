@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, X, Z
+from gtsam.symbol_shorthand import B, D, X, Z
 
 from fbgraph.core.config import OnlineConfig
 from fbgraph.core.errors import EstimationError
@@ -24,6 +24,7 @@ from fbgraph.way_back.records import Closure
 
 _KEEP = 1e6  # a relinearisation threshold that is never reached: positions and biases are linear given yaw
 _ANCHORED_M = 0.5  # but how far a robust anchor is believed depends on the place
+_AIRED_M = 0.2  # and how far a robust barometer is on the altitude
 
 
 class IsamWindow:
@@ -72,8 +73,8 @@ class IsamWindow:
         with _solving(f"step {k}"):
             self._isam.update(graph, values)
             pose = self._isam.calculateEstimatePose2(X(k))
-            z_m, bias = self._isam.calculateEstimateDouble(Z(k)), self._isam.calculateEstimateDouble(B(k))
-        solved = self.nodes[k] = _near(node.yaw_rad, pose, z_m, bias)
+            rest = (self._isam.calculateEstimateDouble(key) for key in (Z(k), B(k), D(k)))
+        solved = self.nodes[k] = _near(node.yaw_rad, pose, *rest)
         if len(self._graphs) >= 2 * self._config.window_steps:
             self._shorten()
         return solved
@@ -105,7 +106,7 @@ class IsamWindow:
     def _read(self, result: gtsam.Values) -> list[Node]:
         """The window's breadcrumbs of an estimate, each yaw unwrapped to lie near the one known before."""
         return [
-            _near(self.nodes[k].yaw_rad, result.atPose2(X(k)), result.atDouble(Z(k)), result.atDouble(B(k)))
+            _near(self.nodes[k].yaw_rad, result.atPose2(X(k)), *(result.atDouble(key) for key in (Z(k), B(k), D(k))))
             for k in range(self.first, len(self.nodes))
         ]
 
@@ -137,6 +138,7 @@ class IsamWindow:
             values.insert(X(k), result.atPose2(X(k)))
             values.insert(Z(k), result.atDouble(Z(k)))
             values.insert(B(k), result.atDouble(B(k)))
+            values.insert(D(k), result.atDouble(D(k)))
         self.first = first
         self._isam = self._new_isam()
         with _solving(f"step {len(self.nodes) - 1}"):
@@ -154,7 +156,7 @@ class IsamWindow:
                 older.push_back(self._closure_factor(closure, self.first))
         gone = gtsam.Ordering()
         for k in range(self.first, join):
-            for key in (X(k), Z(k), B(k)):
+            for key in (X(k), Z(k), B(k), D(k)):
                 gone.push_back(key)
         if any(self.first < k <= join for k in self._after_gaps):
             return _eliminated_by_qr(older.linearize(result), gone, join, result)
@@ -165,7 +167,7 @@ class IsamWindow:
         return prior
 
     def _new_isam(self) -> gtsam.ISAM2:
-        """Relinearises on yaw alone: positions and biases are linear given yaw."""
+        """Relinearises on yaw and altitude alone: positions and biases are linear given yaw."""
         config, params = self._config, gtsam.ISAM2Params()
         # until its first anchor, and after a gap, the walk hangs on a thread that Cholesky cannot see
         if self._places_known or self._after_gaps:
@@ -176,8 +178,9 @@ class IsamWindow:
         thresholds = gtsam.ISAM2ThresholdMap()
         place = _ANCHORED_M if self._places_known else _KEEP
         thresholds.insert(("x", np.array([place, place, config.relinearize_yaw_rad])))
-        thresholds.insert(("z", np.array([_KEEP])))
+        thresholds.insert(("z", np.array([_AIRED_M])))
         thresholds.insert(("b", np.array([_KEEP])))
+        thresholds.insert(("d", np.array([_AIRED_M])))
         params.setRelinearizeThreshold(thresholds)
         params.relinearizeSkip = config.relinearize_skip
         return gtsam.ISAM2(params)
@@ -196,21 +199,22 @@ def _eliminated_by_qr(
     linear: gtsam.GaussianFactorGraph, gone: gtsam.Ordering, join: int, result: gtsam.Values
 ) -> gtsam.NonlinearFactorGraph:
     """What linear factors say of breadcrumb ``join`` alone, by a dense QR decomposition."""
-    kept = (X(join), Z(join), B(join))
+    kept = {X(join): 3, Z(join): 1, B(join): 1, D(join): 1}  # and how many numbers each is
     for key in kept:
         gone.push_back(key)
     a, b = linear.jacobian(gone)
+    size = sum(kept.values())
     triangle = np.asarray(np.linalg.qr(np.column_stack((a, b)), mode="r"))
-    left = triangle[: a.shape[1]][-5:]  # of x, y, yaw, altitude, bias
-    model = gtsam.noiseModel.Unit.Create(5)
-    factor = gtsam.JacobianFactor(
-        kept[0], left[:, -6:-3], kept[1], left[:, -3:-2], kept[2], left[:, -2:-1], left[:, -1], model
-    )
+    left = triangle[: a.shape[1]][-size:]
+    columns = np.split(left[:, -size - 1 : -1], np.cumsum([*kept.values()])[:-1], axis=1)
+    terms = list(zip(kept, columns, strict=True))
+    # the one class that takes any number of terms; a conditional of all of them is a factor on them
+    factor = gtsam.GaussianConditional(terms, len(terms), left[:, -1], gtsam.noiseModel.Unit.Create(size))
     prior = gtsam.NonlinearFactorGraph()
-    prior.push_back(gtsam.LinearContainerFactor(factor, result))
+    prior.push_back(gtsam.LinearContainerFactor(gtsam.JacobianFactor(factor), result))
     return prior
 
 
-def _near(yaw_rad: float, pose: gtsam.Pose2, z_m: float, bias_rad_s: float) -> Node:
+def _near(yaw_rad: float, pose: gtsam.Pose2, z_m: float, bias_rad_s: float, isobar_m: float) -> Node:
     """A breadcrumb as solved, its yaw unwrapped to lie near the one given."""
-    return Node(pose.x(), pose.y(), z_m, yaw_rad + wrap_scalar(pose.theta() - yaw_rad), bias_rad_s)
+    return Node(pose.x(), pose.y(), z_m, yaw_rad + wrap_scalar(pose.theta() - yaw_rad), bias_rad_s, isobar_m)

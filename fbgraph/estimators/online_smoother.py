@@ -196,7 +196,7 @@ class OnlineSmoother:
         yaw = previous.yaw_rad + turned
         x_m = previous.x_m + step.length_m * math.cos(yaw)
         y_m = previous.y_m + step.length_m * math.sin(yaw)
-        return Node(x_m, y_m, previous.z_m, yaw, previous.bias_rad_s)
+        return Node(x_m, y_m, previous.z_m, yaw, previous.bias_rad_s, previous.isobar_m)
 
     def _anchors_due(self, now_s: float) -> list[gtsam.PoseTranslationPrior2D]:
         """Factors of the anchors whose time has come, at the breadcrumb nearest in time as in the batch graph."""

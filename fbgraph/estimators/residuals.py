@@ -7,6 +7,7 @@ it, 0.3 a third.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import gtsam
@@ -15,7 +16,7 @@ import numpy as np
 from fbgraph.core.geometry import FloatArray
 from fbgraph.estimators.estimates import FACTOR_KINDS, Residuals
 
-_Z = ord("z")  # of altitude nodes
+_Z, _D = ord("z"), ord("d")  # of altitude nodes, and of the isobar's
 
 
 def factor_residuals(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> tuple[Residuals, ...]:
@@ -36,7 +37,7 @@ def factor_residuals(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) ->
             # the factor sees k-1 from k, where forward is negative
             rows["step_length"].append((k, -float(whitened[0]), weight))
             rows["step_sideways"].append((k, -float(whitened[1]), weight))
-        elif (name := _name(kind, keys[0].chr(), k, factor)) is not None:
+        elif (name := _name(kind, keys, k, factor)) is not None:
             value = float(whitened[0]) if len(whitened) == 1 else float(np.hypot(whitened[0], whitened[1]))
             rows[name].append((k, value, weight))
     return tuple(
@@ -45,18 +46,21 @@ def factor_residuals(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) ->
     )
 
 
-def _name(kind: str, state: int, k: int, factor: Any) -> str | None:
+def _name(kind: str, keys: Sequence[gtsam.Symbol], k: int, factor: Any) -> str | None:
     """Which row of the graph's table a factor is; None for the priors that fix the origin."""
+    states = [key.chr() for key in keys]
     if kind == "PoseTranslationPrior2D":
         if _is_robust(factor):
             return "anchor"
         return "closed_walk" if k > 0 else None
     if kind == "PriorFactorDouble":
         if k == 0:  # the bias drifts from zero to its first value
-            return None if state == _Z else "bias_drift"
-        return "barometer" if state == _Z else "standing_still"
+            return None if states[0] in (_Z, _D) else "bias_drift"
+        return "standing_still"
     if kind == "BetweenFactorDouble":
-        return "climb" if state == _Z else "bias_drift"
+        if _Z in states:
+            return "barometer" if _D in states else "climb"
+        return "weather" if _D in states else "bias_drift"
     if kind == "PoseRotationPrior2D":
         return "compass" if k > 0 else None
     return {"BetweenFactorPose2": "closure", "LinearContainerFactor": "heading"}.get(kind)

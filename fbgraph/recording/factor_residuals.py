@@ -70,6 +70,7 @@ def _kind_color(name: str) -> Rgba:
         "compass": COLORS["sensor"],
         "barometer": COLORS["pdr"],
         "climb": COLORS["smoothed"],
+        "weather": (102, 194, 165),
         "standing_still": COLORS["truth"],
         "closure": COLORS["closure"],
     }

@@ -70,7 +70,7 @@ def test_the_start_is_at_zero_and_faces_where_it_is_said_to() -> None:
     assert altitude.unwhitenedError(values) == pytest.approx([0.1])
     assert bias.unwhitenedError(values) == pytest.approx([0.002])
     assert (sigmas_of(altitude), sigmas_of(bias)) == ([1e-3], [0.008])
-    assert graph.size() == 4
+    assert graph.size() == 5
 
 
 def anchor_at(anchors: Checkpoints, length_m: float) -> Any:

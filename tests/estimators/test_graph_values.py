@@ -6,7 +6,7 @@ from typing import Any
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import B, X, Z
+from gtsam.symbol_shorthand import B, D, X, Z
 from support.factors import Array, factors_of, graph_of, is_robust, make_step, sigmas_of, stand, the_factor, values_at
 
 from fbgraph.core.aids import Aids
@@ -32,12 +32,13 @@ CONFIG = GraphConfig(
     sigma_gap_yaw_rad_s=0.25,
     sigma_altitude_m=0.3,
     sigma_climb_m=0.11,
+    sigma_weather_m=0.03,
 )
 START = (0.0, 0.0, 0.0, 0.0, 0.0)
 ONE_PLACE = Aids(checkpoints(np.zeros(1), np.zeros(1), np.zeros(1)))
 
 
-def error_at(factor: Any, *nodes: tuple[float, float, float, float, float]) -> float:
+def error_at(factor: Any, *nodes: tuple[float, ...]) -> float:
     return float(factor.error(values_at(*nodes)))
 
 
@@ -178,16 +179,20 @@ def test_without_a_compass_there_is_none() -> None:
     assert factors_of(graph_of([stand(), make_step()], CONFIG), "PoseRotationPrior2D", X(1)) == []
 
 
-def test_the_barometer_measures_from_the_start() -> None:
+def test_the_barometer_measures_from_the_isobar_of_the_start() -> None:
     graph = graph_of([stand(altitude_m=300.0), make_step(altitude_m=302.5), make_step()], CONFIG)
-    factor = the_factor(graph, "PriorFactorDouble", Z(1))
+    factor = the_factor(graph, "BetweenFactorDouble", D(1), Z(1))
     assert sigmas_of(factor) == pytest.approx([0.3])
     assert factor.unwhitenedError(values_at(START, (0, 0, 2.9, 0, 0))) == pytest.approx([0.4])
+    assert factor.unwhitenedError(values_at(START, (0, 0, 2.9, 0, 0, 0.4))) == pytest.approx([0.0])
     # Huber of 1.345: 3 m are 10 sigma, 1.345 (10 - 1.345 / 2)
     assert error_at(factor, START, (0, 0, 5.5, 0, 0)) == pytest.approx(1.345 * (10 - 0.6725))
     assert error_at(factor, START, (0, 0, 2.5 + 0.39, 0, 0)) == pytest.approx(0.5 * 1.3**2)
-    assert len(factors_of(graph, "PriorFactorDouble", Z(0))) == 1  # the origin's, not the barometer's
-    assert factors_of(graph, "PriorFactorDouble", Z(2)) == []
+    for symbol in (Z, D):  # the start defines both
+        (prior,) = factors_of(graph, "PriorFactorDouble", symbol(0))
+        assert sigmas_of(prior) == pytest.approx([1e-3])
+    assert factors_of(graph, "BetweenFactorDouble", D(0), Z(0)) == []
+    assert factors_of(graph, "BetweenFactorDouble", D(2), Z(2)) == []
 
 
 def test_a_barometer_that_comes_late_starts_the_count_itself() -> None:
@@ -195,7 +200,7 @@ def test_a_barometer_that_comes_late_starts_the_count_itself() -> None:
     graph = graph_of(steps, CONFIG)
     values = values_at(START, (0, 0, 0.0, 0, 0), (0, 0, 1.0, 0, 0))
     for k in (1, 2):
-        assert the_factor(graph, "PriorFactorDouble", Z(k)).unwhitenedError(values) == pytest.approx([0.0])
+        assert the_factor(graph, "BetweenFactorDouble", D(k), Z(k)).unwhitenedError(values) == pytest.approx([0.0])
 
 
 def test_nobody_climbs_much_in_one_step() -> None:
@@ -204,6 +209,22 @@ def test_nobody_climbs_much_in_one_step() -> None:
     assert sigmas_of(factor) == pytest.approx([0.11])
     assert not is_robust(factor)
     assert factor.unwhitenedError(values_at((0, 0, 1.0, 0, 0), (0, 0, 1.3, 0, 0))) == pytest.approx([0.3])
+
+
+def test_while_the_log_was_silent_the_wearer_may_have_climbed_as_far_as_walked() -> None:
+    graph = graph_of([stand(), make_step(t_s=4.0, chained=False)], CONFIG)
+    assert sigmas_of(the_factor(graph, "BetweenFactorDouble", Z(0), Z(1))) == pytest.approx([math.hypot(0.11, 6.0)])
+
+
+def test_the_isobar_wanders_with_the_square_root_of_time() -> None:
+    steps = [stand(), make_step(t_s=4.0), make_step(t_s=4.0)]
+    graph = graph_of(steps, CONFIG)
+    factor = the_factor(graph, "BetweenFactorDouble", D(0), D(1))
+    assert sigmas_of(factor) == pytest.approx([0.06])
+    assert factor.unwhitenedError(values_at((0, 0, 0, 0, 0, 1.0), (0, 0, 0, 0, 0, 1.3))) == pytest.approx([0.3])
+    assert not is_robust(factor)
+    at_one_time = the_factor(graph, "BetweenFactorDouble", D(1), D(2))
+    assert sigmas_of(at_one_time) == pytest.approx([0.03 * math.sqrt(1e-3)])
 
 
 def whitened(factor: Any, values: gtsam.Values) -> Array:
@@ -219,7 +240,7 @@ def test_every_factor_is_linearised_with_its_numerical_derivatives() -> None:
     rest = {"rest_s": 4.0, "rest_rate_rad_s": 0.012, "rest_sigma_rad_s": 5e-4}
     steps = [stand(altitude_m=300.0), make_step(yaw_mag_rad=0.5, yaw_gyro_rad=0.4, **field, **rest)]
     graph = graph_of(steps, CONFIG)
-    values = values_at((0.1, 0.2, 0.1, 0.3, 0.01), (0.6, 0.5, 0.15, 0.6, 0.02))  # where no robust loss bites
+    values = values_at((0.1, 0.2, 0.1, 0.3, 0.01), (0.6, 0.5, 0.15, 0.6, 0.02, 0.05))  # where no robust loss bites
     h = 1e-6
     for i in range(graph.size()):
         factor = graph.at(i)

@@ -24,6 +24,7 @@ CONFIG = GraphConfig(
     mag_huber=1.0,
     sigma_altitude_m=0.5,
     sigma_climb_m=0.2,
+    sigma_weather_m=0.1,
     sigma_anchor_m=0.3,
     sigma_closure_m=2.0,
 )
@@ -31,10 +32,10 @@ REST = {"rest_s": 4.0, "rest_rate_rad_s": 0.01, "rest_sigma_rad_s": 0.002}
 SENSED = {"yaw_gyro_rad": 0.1, "altitude_m": 301.0, "yaw_mag_rad": 0.3, "mag_norm_ut": 48.0, "mag_dip_rad": 1.0}
 STEPS = [
     stand(altitude_m=300.0),
-    make_step(length_m=0.5, yaw_s=1.0, **SENSED, **REST),
-    make_step(length_m=0.8, yaw_s=2.0, yaw_gyro_rad=0.1),
+    make_step(t_s=0.25, length_m=0.5, yaw_s=1.0, **SENSED, **REST),
+    make_step(t_s=0.5, length_m=0.8, yaw_s=2.0, yaw_gyro_rad=0.1),
 ]
-AT = values_at((0, 0, 0, 0, 0.004), (0.6, 0.1, 0.4, 0.0, 0.006), (1.4, 0.1, 0.3, 0.0, 0.005))
+AT = values_at((0, 0, 0, 0, 0.004), (0.6, 0.1, 0.4, 0.0, 0.006, 0.05), (1.4, 0.1, 0.3, 0.0, 0.005))
 
 
 def residuals() -> dict[str, Residuals]:
@@ -69,6 +70,7 @@ def test_estimate_minus_measurement_in_sigmas() -> None:
     assert says(found["bias_drift"], (0, 0.4), (1, 2.0), (2, -1.0))
     assert says(found["standing_still"], (1, -2.0))
     assert says(found["climb"], (1, 2.0), (2, -0.5))
+    assert says(found["weather"], (1, 1.0), (2, -1.0))
 
 
 def test_a_robust_loss_says_what_it_left() -> None:
@@ -77,7 +79,7 @@ def test_a_robust_loss_says_what_it_left() -> None:
     inflation = math.sqrt(1.0 / math.tanh(x / 2.0))
     assert says(found["compass"], (1, -3.0 / inflation))
     assert found["compass"].weight == pytest.approx([1.0 / 3.0])
-    assert says(found["barometer"], (1, -1.2))
+    assert says(found["barometer"], (1, -1.3))
     assert found["barometer"].weight.tolist() == [1.0]
     assert says(found["anchor"], (1, 1.0))  # 0.3 and 0.4 m of hypot(0.3, 0.4)
     assert found["anchor"].weight.tolist() == [1.0]

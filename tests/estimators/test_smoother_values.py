@@ -13,6 +13,7 @@ from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import Config, GraphConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.altitude_chain import weather_sigma_m
 from fbgraph.estimators.batch_smoother import body_to_world, smooth, tie_way_back
 from fbgraph.estimators.estimates import Smoothed
 from fbgraph.estimators.shared_errors import walk_covariance
@@ -188,7 +189,7 @@ def test_the_solver_says_what_it_did() -> None:
     closures = (Closure(3, 30, 1.0, 1.0),)
     result = smooth(track, seed_of(track, np.zeros(41)), QUIET, SOLVER, None, closures)
     assert threading.stack_size() == before
-    assert result.factors == 4 + 40 * 6 + 1  # start; length, heading, bias, climb, compass, barometer; closure
+    assert result.factors == 5 + 40 * 7 + 1  # start; length, heading, bias, climb, weather, compass, barometer; closure
     assert result.closures == closures
     assert result.iterations == len(result.errors) - 1 >= 2
     assert np.all(np.diff(result.errors) <= 0)
@@ -222,3 +223,37 @@ def test_a_way_back_is_tied_and_a_way_out_left_as_it_is() -> None:
     out = walk_track(yaw[:120])
     only = smooth(out, seed_of(out, facing[:121]), config.graph, SOLVER)
     assert tie_way_back(only, out, seed_of(out, facing[:121]), config) == (only, None)
+
+
+def test_the_weather_that_cannot_be_seen_is_added_to_sigma_z() -> None:
+    """1 hPa an hour or so: 2 mm/s for as long as it lasts; none where no barometer is."""
+    t_s = 100.0 + np.array([0.0, 600.0, 36_000.0, 1e7])
+    config = GraphConfig(sigma_weather_m_s=0.002, weather_turns_s=36_000.0)
+    expected = [0.0, 72.0 * (1.0 - math.exp(-1.0 / 60.0)), 72.0 * (1.0 - math.exp(-1.0)), 72.0]
+    assert weather_sigma_m(t_s, config) == pytest.approx(expected)
+    yaw = np.zeros(200)
+    track = walk_track(yaw, altitude_m=np.full(200, 300.0))
+    none, some = (
+        smoothed(track, yaw, QUIET.model_copy(update={"sigma_weather_m_s": rate})).trajectory.sigma_z_m
+        for rate in (0.0, 0.01)
+    )
+    assert none is not None
+    assert some is not None
+    assert np.allclose(some**2 - none**2, (0.01 * track.t_s) ** 2, rtol=0.01, atol=1e-6)
+
+
+def test_what_pressure_does_during_a_long_rest_is_the_weather() -> None:
+    """Ten minutes between two steps and two metres more: a sigma of 0.49 m for the weather, of 0.12 m for a step."""
+    yaw = np.zeros(60)
+    altitude = np.where(np.arange(60) < 30, 300.0, 302.0)
+    track = walk_track(yaw, altitude_m=altitude)
+    late = [
+        replace(s, t_s=s.t_s + 600.0 * (k > 30), yaw_s=s.yaw_s + 600.0 * (k > 30)) for k, s in enumerate(track.steps)
+    ]
+    config = QUIET.model_copy(update={"sigma_altitude_m": 0.05})
+    rested = smoothed(StepTrack(late), yaw, config).trajectory
+    assert abs(rested.z_m[-1] - rested.z_m[20]) < 0.5
+    assert rested.sigma_z_m is not None
+    assert rested.sigma_z_m[-1] > 0.4
+    walked = smoothed(track, yaw, config).trajectory
+    assert walked.z_m[-1] == pytest.approx(2.0, abs=0.3)

@@ -8,7 +8,7 @@ from typing import Any
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import B, X, Z
+from gtsam.symbol_shorthand import B, D, X, Z
 from support.factors import Array, seed_of, values_at, walk_track
 
 from fbgraph.core.aids import Aids
@@ -223,7 +223,7 @@ def test_what_cannot_be_solved_is_an_estimation_error_that_says_where() -> None:
     window = walked(track)
     values = values_at(*[(0.0, 0.0, 0.0, 0.0, 0.0)] * 5)
     for k in range(4):
-        for key in (X(k), Z(k), B(k)):
+        for key in (X(k), Z(k), B(k), D(k)):
             values.erase(key)
     only_a_direction = gtsam.NonlinearFactorGraph()
     only_a_direction.push_back(gtsam.PoseRotationPrior2D(X(4), gtsam.Rot2(), gtsam.noiseModel.Isotropic.Sigma(1, 0.1)))
@@ -231,3 +231,25 @@ def test_what_cannot_be_solved_is_an_estimation_error_that_says_where() -> None:
         window.add(only_a_direction, values, Node(0.0, 0.0, 0.0, 0.0, 0.0))
     with pytest.raises(EstimationError, match="iSAM2 failed at a closure: "):
         walked(track).close([Closure(0, 9, 1.0, 1.0)])
+
+
+@pytest.mark.parametrize("gap_at", [0, 5])
+def test_the_isobar_leaves_and_enters_the_window_as_in_the_batch_smoother(gap_at: int) -> None:
+    """A walk that rests for a minute while pressure changes by two metres: by Cholesky, and after a gap by QR."""
+    track, yaw = zigzag()
+    steps = [
+        replace(
+            s, t_s=s.t_s + 60.0 * (k >= 25), altitude_m=s.altitude_m + 2.0 * (k >= 25), chained=k != gap_at or k == 0
+        )
+        for k, s in enumerate(track.steps)
+    ]
+    track = StepTrack(steps)
+    window = walked(track)
+    graph, values = build_graph(track, seed_of(track, np.concatenate((yaw[:1], yaw))), CONFIG, Aids())
+    params = gtsam.LevenbergMarquardtParams()
+    params.setLinearSolverType("MULTIFRONTAL_QR")
+    result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+    batch = np.array([result.atDouble(D(k)) for k in range(len(track))])
+    online = np.array([n.isobar_m for n in window.refresh()])
+    assert np.ptp(batch) > 0.4
+    assert np.allclose(online[window.first :], batch[window.first :], atol=0.02)

@@ -7,7 +7,7 @@ from typing import Any
 import gtsam
 import numpy as np
 import numpy.typing as npt
-from gtsam.symbol_shorthand import B, X, Z
+from gtsam.symbol_shorthand import B, D, X, Z
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import GraphConfig
@@ -72,7 +72,7 @@ def graph_of(
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for k, step in enumerate(steps):
         builder.add(step, nodes[k], nodes[k - 1] if k else None, graph, values)
-    assert values.size() == 3 * len(steps)
+    assert values.size() == 4 * len(steps)
     return graph
 
 
@@ -88,13 +88,14 @@ def the_factor(graph: gtsam.NonlinearFactorGraph, kind: str, *keys: int) -> Any:
     return factor
 
 
-def values_at(*nodes: tuple[float, float, float, float, float]) -> gtsam.Values:
-    """Values of breadcrumbs 0, 1, …, each (x, y, z, yaw, bias)."""
+def values_at(*nodes: tuple[float, ...]) -> gtsam.Values:
+    """Values of breadcrumbs 0, 1, …, each (x, y, z, yaw, bias) and, if it is not 0, the height of the isobar."""
     values = gtsam.Values()
-    for k, (x_m, y_m, z_m, yaw_rad, bias) in enumerate(nodes):
+    for k, (x_m, y_m, z_m, yaw_rad, bias, *isobar_m) in enumerate(nodes):
         values.insert(X(k), gtsam.Pose2(x_m, y_m, yaw_rad))
         values.insert(Z(k), z_m)
         values.insert(B(k), bias)
+        values.insert(D(k), isobar_m[0] if isobar_m else 0.0)
     return values
 
 
