@@ -176,7 +176,7 @@ class Motion:
     def _angles(self, curve: dict[str, Jet]) -> tuple[Jet, Jet, Jet]:
         """Yaw, pitch (about the left axis) and roll (about the forward axis) of h, turned in this order."""
         angles = [
-            _swing(curve, swing, strike) * np.radians(self._walker.sway_deg)
+            _swing(curve, swing, strike) * curve["sway"] * np.radians(self._walker.sway_deg)
             + curve["phase"].waves(self._drift[axis])
             + curve["time"].waves(self._tremor[axis])
             for axis, (swing, strike) in enumerate(_SWAY)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,7 +15,7 @@ from fbgraph.core.errors import ConfigError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.simulator.routes import Route, SmoothPath, round_corners
 
-KNOT_COLUMNS = ("x_m", "y_m", "z_m", "yaw_rad", "distance_m", "phase", "swing", "strike", "shake")
+KNOT_COLUMNS = ("x_m", "y_m", "z_m", "yaw_rad", "distance_m", "phase", "sway", "swing", "strike", "shake")
 """Of ``Walk.knots``."""
 _SETTLE_S = 0.5  # the body's swing dies away after the last step of a bout
 _MIN_TURN_RAD = np.radians(10.0)  # a smaller bend of the route is not listed as a turn
@@ -99,9 +100,10 @@ class Walk:
 
     Attributes:
         t_s: (K,) times of the spline's knots, increasing; the last is after the end of the walk.
-        knots: (K, 9) the columns ``KNOT_COLUMNS`` there. ``phase`` counts steps (a heel strike at every whole number),
-            ``swing`` is how much the body swings and ``strike`` how hard the heels strike (0 standing), ``shake`` how
-            much the device is shaken.
+        knots: (K, 10) the columns ``KNOT_COLUMNS`` there. ``phase`` counts steps (a heel strike at every whole number),
+            ``sway`` is how much the device turns for how far it swings (1 in the walker's usual gait), ``swing`` how
+            much the body swings and ``strike`` how hard the heels strike (0 standing), ``shake`` how much the device
+            is shaken.
         is_step: (K,) whether a step ends at this knot.
         step_length_m: one for each step.
         turns: (time, signed angle) of every corner.
@@ -123,17 +125,29 @@ class Walk:
         return np.asarray(self.knots[:, _DISTANCE_AT])
 
 
-def plan_walk(route: Route, walker: Walker, rng: np.random.Generator) -> Walk:
+def plan_walk(
+    route: Route, walker: Walker, rng: np.random.Generator, gaits: Mapping[int, Walker] | None = None
+) -> Walk:
     """The steps that walk a route, from standing before its start to standing after its end.
 
     Args:
         route: where to, and how long to pause there.
         walker: who walks.
         rng: draws what is irregular about the steps.
+        gaits: other ways of walking, by the index of the waypoint from which on they are walked; the walker comes to a
+            stand there.
+
+    Raises:
+        ConfigError: a gait that begins where the walker does not come to a stand.
     """
+    gaits, stops = gaits or {}, route.stops()
+    if not set(gaits) <= set(stops[:-1]):
+        raise ConfigError(f"a gait changes where the walker stands (waypoints {stops[:-1]}), not at {sorted(gaits)}")
     plan = _Plan(route, walker, rng)
     plan.wait()
-    for start, stop in pairwise(route.stops()):
+    for start, stop in pairwise(stops):
+        if start in gaits:
+            plan.change_gait(gaits[start])
         plan.walk(start, stop)
     return plan.finished()
 
@@ -144,10 +158,11 @@ class _Plan:
     def __init__(self, route: Route, walker: Walker, rng: np.random.Generator) -> None:
         """The walker stands at the start, facing the first leg."""
         self._route, self._walker, self._pace = route, walker, _Pace(walker, rng)
+        self._usual, self._swing, self._sway = walker, 1.0, 1.0
         leg = route.waypoints_m[1] - route.waypoints_m[0]
         self._yaw = float(np.arctan2(leg[1], leg[0]))
         self._t = walker.shake_s + walker.start_hold_s + float(route.pause_s[0])
-        here = np.array([*route.waypoints_m[0], self._yaw, 0.0, 0.5, 0.0, 0.0, 0.0])
+        here = np.array([*route.waypoints_m[0], self._yaw, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0])
         self._times, self._knots, self._is_step = [np.zeros(1)], [here[None]], [np.zeros(1)]
         self._lengths: list[FloatArray] = []
         self._turns: list[tuple[float, float]] = []
@@ -163,6 +178,15 @@ class _Plan:
             self._stand_until(walker.shake_s, yaw)
         self._stand_until(self._t, yaw)
         self._passed.append(self._t)
+
+    def change_gait(self, walker: Walker) -> None:
+        """Walk on in another way: another cadence and step length, another bounce and sway."""
+        usual = self._usual
+        self._walker = walker
+        self._pace.change(walker)
+        # the swing is in metres; what the walker gives is its acceleration at the usual cadence
+        self._swing = (walker.bounce_m_s2 / usual.bounce_m_s2) * (usual.cadence_hz / walker.cadence_hz) ** 2
+        self._sway = walker.sway_deg / usual.sway_deg / self._swing
 
     def walk(self, start: int, stop: int) -> None:
         """Walk from one stop to the next (indices of waypoints), and pause there."""
@@ -226,10 +250,11 @@ class _Plan:
         first = np.floor(self._knots[-1][-1, _PHASE_AT]) + 1.0
         phase = first + np.append(np.arange(len(step_t)), len(step_t) - 0.5)  # who stands is between two steps
         s, rest = np.append(step_s, step_s[-1]), np.zeros(len(step_s) + 1)
-        swing, strike = np.append(swing, 0.0), np.append(strike, 0.0)
+        swing, strike = (self._swing * np.append(size, 0.0) for size in (swing, strike))
+        sway = np.full(len(s), self._sway)
         distance = self._knots[-1][-1, _DISTANCE_AT] + s
         self._times.append(np.append(step_t, step_t[-1] + _SETTLE_S))
-        self._knots.append(np.column_stack((*path.at(s), distance, phase, swing, strike, rest)))
+        self._knots.append(np.column_stack((*path.at(s), distance, phase, sway, swing, strike, rest)))
         self._is_step.append(np.append(np.ones(len(step_t)), 0.0))
 
 
@@ -238,6 +263,10 @@ class _Pace:
 
     def __init__(self, walker: Walker, rng: np.random.Generator) -> None:
         self._walker, self._rng, self._slow = walker, rng, 0.0
+
+    def change(self, walker: Walker) -> None:
+        """Go on as this walker."""
+        self._walker = walker
 
     def steps(self, path: SmoothPath, start_s: float) -> tuple[FloatArray, ...]:
         """Times, distances along the path, swings and strikes of the steps that walk it from end to end.

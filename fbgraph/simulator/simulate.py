@@ -95,7 +95,7 @@ def simulate(route: Route, options: SimulateOptions | None = None, seed: int = 0
     lap = route
     if options.duration_s is not None:
         route = route.repeated(_laps_for(route, options.walker, options.duration_s))
-    walk = plan_walk(route, options.walker, gait_rng)
+    walk = plan_walk(route, options.walker, gait_rng, options.gaits)
     motion = Motion(walk, options.walker, sway_rng)
 
     t_s = np.arange(int(walk.end_s * options.device.rate_hz) + 1) / options.device.rate_hz
@@ -138,12 +138,19 @@ def simulate(route: Route, options: SimulateOptions | None = None, seed: int = 0
 
 def _someone(options: SimulateOptions, rng: np.random.Generator) -> SimulateOptions:
     """The options with this wearer's own step length and way of holding the device."""
-    walker, device = options.walker, options.device
+    device = options.device
     longer, turned = np.clip(rng.standard_normal(2), -2.5, 2.5).tolist()
-    scale = 1.0 + walker.gait_variation * walker.person_sigma * longer
-    lengths = {name: scale * getattr(walker, name) for name in ("alpha_m", "beta_m_s", "gamma_m")}
-    mount_deg = device.mount_yaw_deg + options.noise * options.errors.mount_deg * turned
-    return replace(options, walker=replace(walker, **lengths), device=replace(device, mount_yaw_deg=mount_deg))
+
+    def own(walker: Walker) -> Walker:
+        scale = 1.0 + walker.gait_variation * walker.person_sigma * longer
+        return replace(walker, **{name: scale * getattr(walker, name) for name in ("alpha_m", "beta_m_s", "gamma_m")})
+
+    return replace(
+        options,
+        walker=own(options.walker),
+        gaits={waypoint: own(walker) for waypoint, walker in options.gaits.items()},
+        device=replace(device, mount_yaw_deg=device.mount_yaw_deg + options.noise * options.errors.mount_deg * turned),
+    )
 
 
 def _laps_for(route: Route, walker: Walker, duration_s: float) -> int:

@@ -6,6 +6,7 @@ and the registers that M5Stack's MPU6886.cpp sets (±8 g, ±2000 °/s, low-pass 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -151,6 +152,9 @@ class SimulateOptions:
     """Scales all of ``errors``; 0 is perfect sensors: no rounding, saturation, jitter, missing rows or iron either."""
     anomalies: float = 1.0
     """Scales the iron by itself."""
+    gaits: Mapping[int, Walker] = field(default_factory=dict)
+    """Other ways of walking, by the index of the waypoint from which on they are walked; one comes to a stand there.
+    Of these walkers only cadence, step length, bounce and sway count, and what is irregular about their steps."""
     duration_s: float | None = None
     """Repeat the route so often that the walk lasts as near to this as whole laps can (at least one)."""
 
