@@ -164,7 +164,9 @@ def _(rng: Generator) -> Case:
 @kind("a gap")
 def _(rng: Generator) -> Case:
     length, share = between(rng, 1.0, 60.0), rng.uniform(0.1, 0.6)
-    return spoiled(rng, lambda walk: done.gap(walk, share * walk.log.duration_s, length), f"{length:.0f} s at {share:.0%}")
+    return spoiled(
+        rng, lambda walk: done.gap(walk, share * walk.log.duration_s, length), f"{length:.0f} s at {share:.0%}"
+    )
 
 
 @kind("barometer drifts fast")

@@ -18,8 +18,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import drawn_body  # adds its kinds
-import drawn_world  # adds its kinds
 from drawn import KINDS, Case, Kind, drawn
 
 from fbgraph.core.config import load_config
@@ -141,7 +139,7 @@ def errors_m(smoothed: Trajectory, walk: SimulatedWalk, t0_s: float, absolute: b
     at_s = smoothed.t_s + t0_s - walk.log.t0_s
     truth = np.column_stack([np.interp(at_s, walk.t_s, axis) for axis in (walk.x_m, walk.y_m, walk.z_m)])
     off = np.column_stack((smoothed.xy_m, smoothed.z_m)) - truth
-    return off - (off[0] * (0.0, 0.0, 1.0) if absolute else off[0])
+    return np.asarray(off - (off[0] * (0.0, 0.0, 1.0) if absolute else off[0]))
 
 
 def ellipse_sigmas(off_m: FloatArray, smoothed: Trajectory, allowed_m: float) -> FloatArray:

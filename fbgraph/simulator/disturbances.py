@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,10 +32,14 @@ def ease(t_s: FloatArray, start_s: float, length_s: float) -> FloatArray:
     return np.asarray(s**3 * (10.0 + s * (6.0 * s - 15.0)))
 
 
+def _with(walk: SimulatedWalk, streams: dict[str, Any]) -> SimulatedWalk:
+    return replace(walk, log=replace(walk.log, **streams))
+
+
 def changed(walk: SimulatedWalk, sensor: str, change: Callable[[Stream], FloatArray]) -> SimulatedWalk:
     """The walk with other values of a sensor, as many as there were."""
     stream: Stream = getattr(walk.log, sensor)
-    return replace(walk, log=replace(walk.log, **{sensor: Stream(stream.t_s, change(stream))}))
+    return _with(walk, {sensor: Stream(stream.t_s, change(stream))})
 
 
 def offset(
@@ -51,7 +56,7 @@ def offset(
 
     def change(stream: Stream) -> FloatArray:
         there = (stream.t_s >= since_s) & (stream.t_s < until_s)
-        return stream.values + there[:, None] * np.asarray(amount)
+        return np.asarray(stream.values + there[:, None] * np.asarray(amount))
 
     return changed(walk, sensor, change)
 
@@ -86,7 +91,7 @@ def spikes(walk: SimulatedWalk, sensor: str, share: float, size: float, rng: np.
 def without(walk: SimulatedWalk, sensor: str) -> SimulatedWalk:
     """A device that lacks the magnetometer or the barometer."""
     width = getattr(walk.log, sensor).values.shape[1]
-    return replace(walk, log=replace(walk.log, **{sensor: empty_stream(width)}))
+    return _with(walk, {sensor: empty_stream(width)})
 
 
 def gap(walk: SimulatedWalk, start_s: float, length_s: float) -> SimulatedWalk:
@@ -96,7 +101,7 @@ def gap(walk: SimulatedWalk, start_s: float, length_s: float) -> SimulatedWalk:
         there = (stream.t_s < start_s) | (stream.t_s >= start_s + length_s)
         return Stream(stream.t_s[there], stream.values[there])
 
-    return replace(walk, log=replace(walk.log, **{name: kept(getattr(walk.log, name)) for name in SENSORS}))
+    return _with(walk, {name: kept(getattr(walk.log, name)) for name in SENSORS})
 
 
 def clock_runs(walk: SimulatedWalk, factor: float) -> SimulatedWalk:
@@ -105,12 +110,12 @@ def clock_runs(walk: SimulatedWalk, factor: float) -> SimulatedWalk:
     def of(stream: Stream) -> Stream:
         return Stream(stream.t_s * factor, stream.values)
 
-    log = replace(walk.log, **{name: of(getattr(walk.log, name)) for name in SENSORS})
-    log = replace(log, events=tuple(replace(event, t_s=event.t_s * factor) for event in log.events))
-    passed_s = log.t0_s + (walk.checkpoints.t_s - log.t0_s) * factor
+    t0_s = walk.log.t0_s
+    passed_s = t0_s + (walk.checkpoints.t_s - t0_s) * factor
+    events = tuple(replace(event, t_s=event.t_s * factor) for event in walk.log.events)
+    walk = _with(walk, {name: of(getattr(walk.log, name)) for name in SENSORS} | {"events": events})
     return replace(
         walk,
-        log=log,
         t_s=walk.t_s * factor,
         steps=replace(walk.steps, t_s=walk.steps.t_s * factor),
         turns=replace(walk.turns, t_s=walk.turns.t_s * factor),
@@ -191,9 +196,7 @@ class Burst:
         """(N,) upward; it swells and dies away."""
         done = np.clip((t_s - self.start_s) / self.length_s, 0.0, 1.0)
         rate = 2.0 * np.pi * self.hz
-        return np.asarray(
-            np.sqrt(np.sin(np.pi * done)) * self.size_m * rate**2 * np.sin(rate * (t_s - self.start_s))
-        )
+        return np.asarray(np.sqrt(np.sin(np.pi * done)) * self.size_m * rate**2 * np.sin(rate * (t_s - self.start_s)))
 
 
 def gestures(walk: SimulatedWalk, bursts: Sequence[Burst]) -> SimulatedWalk:
@@ -216,7 +219,7 @@ def vibration(
         rates = hz * rng.uniform(0.8, 1.25, (6, 3))
         phases = rng.uniform(0.0, 2.0 * np.pi, (6, 3))
         waves = np.sin(2.0 * np.pi * rates * acc.t_s[:, None, None] + phases).sum(axis=1)
-        return acc.values + there[:, None] * size_m_s2 / np.sqrt(3.0) * waves
+        return np.asarray(acc.values + there[:, None] * size_m_s2 / np.sqrt(3.0) * waves)
 
     return changed(walk, "acc", change)
 
@@ -239,7 +242,7 @@ def turned_in_hand(walk: SimulatedWalk, angle_rad: float, at_s: float, length_s:
 
     def turning(gyro: Stream) -> FloatArray:
         rate = (angle(gyro.t_s + _BY_S) - angle(gyro.t_s - _BY_S)) / (2.0 * _BY_S)
-        return turned(gyro) + rate[:, None] * axis
+        return np.asarray(turned(gyro) + rate[:, None] * axis)
 
     new_r_b = Rotation.from_quat(np.roll(walk.quat_wxyz, -1, axis=1))
     new_r_b = new_r_b * Rotation.from_rotvec(angle(walk.t_s)[:, None] * axis)
