@@ -15,6 +15,7 @@ from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import Checkpoints, read_checkpoints
 from fbgraph.core.colors import COLORS, LABELS
 from fbgraph.core.config import Config, load_config
+from fbgraph.core.earth_field import with_declination
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.safe_text import short_name
@@ -168,6 +169,7 @@ def smooth(
         max_size=max_size,
     )
     effective = _configuration(config, file.log.format, overrides)
+    effective = with_declination(effective, told.place, file.log.t0_s, None if inputs.log is None else Path(inputs.log))
     return _walk(reconstruct(file.log, effective, told, inputs))
 
 
@@ -235,6 +237,7 @@ class OnlineSmoother:
         anchors: str | Path | Checkpoints | None = None,
         t0_s: float = 0.0,
         closed_walk: bool = False,
+        origin: tuple[float, float] | None = None,
     ) -> None:
         """A smoother for one walk.
 
@@ -244,16 +247,20 @@ class OnlineSmoother:
             anchors: known places, each used once the walk has passed its time; of DataFrames on their clock.
             t0_s: ``SensorLog.t0_s`` of the pieces, which brings their times to the anchors' clock.
             closed_walk: ``finish`` may assume that the walk ended where it began.
+            origin: latitude and longitude of its start, degrees; declination is looked up there.
 
         Raises:
             ConfigError: no such preset or key.
             DataError: anchors that cannot be read.
         """
-        self._config = _configuration(config, "m5stickc", overrides)
-        self._told = Told(anchors=_places(anchors), closed_walk=closed_walk)
+        where = None if origin is None else Georeference(*origin)
+        self._told = Told(anchors=_places(anchors), closed_walk=closed_walk, origin=where)
+        asked = _configuration(config, "m5stickc", overrides)
+        self._config = with_declination(asked, self._told.place, t0_s)
         if self._told.anchors is not None:
             self._told.anchors.require_possible()
         self._walk = WalkInProgress(self._config, self._told.aids(t0_s))
+        self._inputs = RunInputs.of(None, closed_walk=closed_walk, origin=where)
         self._reader: LiveReader | None = None
         self._pieces: list[SensorLog] = []
 
@@ -290,7 +297,7 @@ class OnlineSmoother:
         if not self._pieces:
             raise ConfigError("nothing was fed: feed samples before finish")
         log = SensorLog.concatenate(self._pieces)
-        return _walk(self._walk.finish(log, self._told, RunInputs(closed_walk=self._told.closed_walk)))
+        return _walk(self._walk.finish(log, self._told, self._inputs))
 
     def _take(self, piece: SensorLog) -> list[Update]:
         self._pieces.append(piece)

@@ -15,6 +15,7 @@ import numpy as np
 from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import read_checkpoints
 from fbgraph.core.config import Config, load_config
+from fbgraph.core.earth_field import with_declination
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.sensor_log import SensorLog
@@ -71,6 +72,7 @@ def read_walk(
     told = read_told(inputs)
     log_file = read_log(Path(str(inputs.log)), inputs.format, inputs.max_size)
     effective = load_config(config or preset(log_file.log.format), overrides)
+    effective = with_declination(effective, told.place, log_file.log.t0_s, Path(str(inputs.log)))
     return log_file.log, effective, replace(told, truth=told.truth or log_file.truth)
 
 
@@ -97,6 +99,7 @@ def reconstruct(
     """
     told = told or Told()
     require_anchors_within(log, told)
+    config = with_declination(config, told.place, log.t0_s)
     seconds: dict[str, float] = {}
 
     @contextmanager

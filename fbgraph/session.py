@@ -13,6 +13,7 @@ import numpy as np
 
 from fbgraph.core.aids import Aids, Told
 from fbgraph.core.config import Config, dump_toml, load_config
+from fbgraph.core.earth_field import with_declination
 from fbgraph.core.errors import DataError, EstimationError
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.whole_writes import whole_file
@@ -236,6 +237,7 @@ def replay_log(
     """
     told = told or Told()
     require_anchors_within(log, told)
+    config = with_declination(config, told.place, log.t0_s)
     walk = WalkInProgress(config, told.aids(log.t0_s), recording, view)
     fed_until_s = -np.inf
     for piece, until_s in cut_log(log, chunk_s, speed, stop):
@@ -278,6 +280,7 @@ def follow_source(
         DataError: no usable line or no step arrived.
     """
     told = told or Told()
+    config = live_declination(config, told)
     raw_path, cutter = place / RAW, LineCutter()
     aids = Aids(closed_walk=told.closed_walk)
     estimates = _LiveEstimates(
@@ -296,6 +299,11 @@ def follow_source(
         tell(f"recording ended: {raw_path}: {error.strerror or error}; what came before is kept there")
     estimates.feed(cutter.finish(), on_update)
     return estimates.finish(saved_log(raw_path), config, told, replace(inputs or RunInputs(), log=RAW))
+
+
+def live_declination(config: Config, told: Told) -> Config:
+    """The configuration of a live walk, which is walked today: what its clock shows is not known beforehand."""
+    return with_declination(config, told.place, float("nan"))
 
 
 def _keep_config(config: Config, out: Path) -> None:

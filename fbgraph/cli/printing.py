@@ -94,6 +94,8 @@ def print_summary(summary: dict[str, Any]) -> None:
     print_table(heads + (_SCORE_HEADS if any(scores.values()) else []), rows)
     if summary["return"] is not None:
         _print_return(summary["return"])
+    if summary["declination"] is not None:
+        say(summary["declination"]["text"])
     for text in summary["warnings"]:
         say(f"note: {text}")
     verdict, *reasons = verdict_lines(Integrity.from_dict(summary.get("integrity")))

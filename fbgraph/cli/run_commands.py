@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,7 @@ from fbgraph.cli.app import (
     app,
     require_rerun,
 )
-from fbgraph.cli.printing import print_scores, say, say_document, say_json
+from fbgraph.cli.printing import complain, print_scores, say, say_document, say_json
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.whole_writes import whole_file
 
@@ -107,22 +108,29 @@ def guide(
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write there, not to stdout.")] = None,
 ) -> None:
     """Directions back along the breadcrumbs, from the end of a walk to its start."""
+    from fbgraph.core.earth_field import degrees_text
     from fbgraph.core.georeference import parse_origin
     from fbgraph.core.whole_writes import whole_file
     from fbgraph.run.folder import require_free
-    from fbgraph.run.read_run import read_directions, read_georeference, read_run
+    from fbgraph.run.read_run import read_directions, read_georeference, read_run, unturned_field
     from fbgraph.way_back.gpx_geojson import format_directions
 
     if units not in ("metric", "steps"):
         raise ConfigError(f"unknown units {units!r}: expected metric or steps")
     given = None if origin is None else parse_origin(origin)
     saved = read_run(run)
-    there = read_directions(saved, estimator, pace_m)
-    if given is None:
-        where = read_georeference(saved.summary)
-    else:
+    where = given or read_georeference(saved.summary)
+    field = unturned_field(saved, estimator, where) if format_ in ("geojson", "gpx") else None
+    there = read_directions(saved, estimator, pace_m, 0.0 if field is None else -math.radians(field.declination_deg))
+    if given is not None:
         x_m, y_m, _ = there.points_m[0]
         where = given.moved(-x_m, -y_m)
+    if field is not None:
+        complain(
+            f"the walk was smoothed towards magnetic North; on the map it is turned by the declination, {field.text}"
+        )
+    elif format_ == "text" and (north := (saved.summary.get("declination") or {}).get("deg")):
+        complain(f"headings are from true North; a compass needle there points {degrees_text(north)} of it")
     text = format_directions(there.reversed(), format_, "steps" if units == "steps" else "metric", where)
     if out is None:
         say_document(text, for_reading=format_ == "text")

@@ -154,12 +154,14 @@ def online(
     else:
         with claimed_live(folder, resume is not None, force) as claim:
             place = claim.place
+            told = read_told(inputs)
             effective = session.resumed_config(place, return_at) if resume else load_config(config or "m5stickc", set_)
+            effective = session.live_declination(effective, told)
             result = session.follow_source(
                 open_source(source, stopping),
                 place,
                 effective,
-                read_told(inputs),
+                told,
                 on_update=show,
                 tell=complain,
                 resume=resume is not None,

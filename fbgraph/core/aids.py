@@ -48,6 +48,13 @@ class Told:
     closed_walk: bool = False
     origin: Georeference | None = None
 
+    @property
+    def place(self) -> Georeference | None:
+        """Somewhere on the walk, as an estimator may know it: never by the truth."""
+        if self.origin is not None:
+            return self.origin
+        return None if self.anchors is None else self.anchors.first
+
     def disagreements(self, duration_s: float) -> list[str]:
         """Sentences on an origin, anchors and truth that lie further apart than a walk of this duration goes."""
         anchors, truth = (None if places is None else places.first for places in (self.anchors, self.truth))

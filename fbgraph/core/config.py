@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_serializer, field_validator
 
 from fbgraph.core.config_text import override, read_tables
 from fbgraph.core.errors import ConfigError
@@ -48,8 +48,20 @@ class DeviceConfig(Section):
 
     mount: tuple[float, float, float] = (0.0, 0.70710678, -0.70710678)
     """Body direction whose horizontal projection points where the person walks (top edge and back of the device)."""
-    declination_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 0.0
-    """Magnetic declination, positive East; added to the compass so that y is true North."""
+    declination_deg: Annotated[float | None, Field(ge=-180.0, le=180.0)] = None
+    """Magnetic declination, positive East; added to the compass so that y is true North. None, written ``auto``, looks
+    it up where the place is known (``core.earth_field``); elsewhere y is magnetic North."""
+    declination_by: Annotated[str, Field(max_length=300)] = ""
+    """Where a declination that was looked up comes from; written by the run, and not read but told."""
+
+    @field_validator("declination_deg", mode="before")
+    @classmethod
+    def _looked_up(cls, value: object) -> object:
+        return None if value == "auto" else value
+
+    @field_serializer("declination_deg")
+    def _as_written(self, value: float | None) -> float | str:
+        return "auto" if value is None else value  # TOML knows no null
 
     @field_validator("mount")
     @classmethod

@@ -117,6 +117,18 @@ class Trajectory:
         }
         return Trajectory(**known)
 
+    def turned(self, angle_rad: float) -> Trajectory:
+        """The same walk turned about its first breadcrumb, counter-clockwise, its covariance with it."""
+        c, s = np.cos(angle_rad), np.sin(angle_rad)
+        turn = np.array([[c, -s], [s, c]])
+        x_m, y_m = turn @ (self.xy_m - self.xy_m[0]).T + self.xy_m[0][:, None]
+        cov = self.cov_xy_yaw
+        if cov is not None:  # by blocks: those of place and yaw may be unknown
+            cov = cov.copy()
+            cov[:, :2, :2] = turn @ cov[:, :2, :2] @ turn.T
+            cov[:, :2, 2] = cov[:, 2, :2] = cov[:, :2, 2] @ turn.T
+        return replace(self, x_m=x_m, y_m=y_m, yaw_rad=self.yaw_rad + angle_rad, cov_xy_yaw=cov)
+
     def since(self, t0_s: float) -> Trajectory:
         """The same breadcrumbs, their times in seconds since ``t0_s``."""
         return replace(self, t_s=self.t_s - t0_s)

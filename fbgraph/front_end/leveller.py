@@ -28,7 +28,7 @@ class Leveller:
         self._dt_s = 1.0 / config.rate_hz
         mount = np.asarray(device.mount, dtype=float)
         self._mount_b = mount / np.linalg.norm(mount)
-        self._north_rad = np.pi / 2.0 - np.radians(device.declination_deg)
+        self._north_rad = np.pi / 2.0 - np.radians(device.declination_deg or 0.0)
         self._acc = IntervalMean(3, config.max_gap_s)
         self._gyro = IntervalMean(3, config.max_gap_s)
         self._mag = empty_stream(3)

@@ -18,6 +18,7 @@ import numpy as np
 
 from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.config import Config, load_config
+from fbgraph.core.earth_field import EarthField, earth_field, walk_day
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.georeference import Georeference
@@ -164,14 +165,40 @@ def read_georeference(summary: dict[str, Any]) -> Georeference | None:
     return None if entry is None else Georeference(float(entry["lat_deg"]), float(entry["lon_deg"]))
 
 
-def read_directions(run: SavedRun, estimator: str = "smoothed", pace_m: float | None = None) -> Directions:
+def unturned_field(run: SavedRun, estimator: str, where: Georeference | None) -> EarthField | None:
+    """The field by whose declination a trajectory must yet be turned to lie by true North; None where it does.
+
+    That of a walk which was smoothed without a place, and so towards magnetic North, but can be placed now.
+
+    Args:
+        run, estimator: whose.
+        where: the run is, None if nobody knows.
+
+    Raises:
+        DataError: a damaged configuration.
+    """
+    in_their_frame = estimator == "smoothed" and run.summary.get("anchors", 0) > 1
+    if where is None or in_their_frame or run.read_config().device.declination_deg is not None:
+        return None
+    log = (run.summary.get("inputs") or {}).get("log")
+    return earth_field(where, walk_day(float(run.summary["log"]["t0_s"]), None if log is None else Path(log)))
+
+
+def read_directions(
+    run: SavedRun, estimator: str = "smoothed", pace_m: float | None = None, turned_rad: float = 0.0
+) -> Directions:
     """The way of a run in walking order, with the landmarks of its log.
+
+    Args:
+        run, estimator: whose.
+        pace_m: the wearer's step length; the median of the walk if None.
+        turned_rad: turns the walk about its start, counter-clockwise.
 
     Raises:
         ConfigError: no such estimator, or a pace that is not positive.
         DataError: a damaged configuration, or nothing in the run that leads anywhere.
     """
-    summary, trajectory = run.summary, trajectory_of(run, estimator)
+    summary, trajectory = run.summary, trajectory_of(run, estimator).turned(turned_rad)
     anchored = estimator == "smoothed" and summary.get("anchors", 0) > 1  # in the anchors' own frame
     compass = anchored or summary["log"].get("samples", {}).get("mag", 1) > 0
     name = f"{summary['log']['name']} ({estimator})"

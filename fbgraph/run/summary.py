@@ -10,6 +10,7 @@ import numpy as np
 
 from fbgraph import __version__
 from fbgraph.core.colors import LABELS
+from fbgraph.core.earth_field import declination_text
 from fbgraph.core.safe_text import MOST_NAME, for_markdown
 from fbgraph.core.verdict import MOST_TOLD, Integrity, verdict_lines
 from fbgraph.run.findings import walk_findings
@@ -78,11 +79,18 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         },
         "seconds": {name: round(value, 3) for name, value in result.seconds.items()},
         "versions": {name: version(name) for name in ("gtsam", "numpy", "scipy", "vqf")},
+        "declination": _declination(result),
         "georeference": None if (where := result.georeference) is None else asdict(where),
         "inputs": result.inputs.as_dict(),
         "findings": [asdict(finding) for finding in walk_findings(result)],
         "warnings": warnings(result),
     }
+
+
+def _declination(result: WalkResult) -> dict[str, Any] | None:
+    """By how much the compass was turned to point to true North, and who says so; None if it was not."""
+    text = declination_text(result.config) if len(result.log.mag) else None
+    return None if text is None else {"deg": result.config.device.declination_deg, "text": text}
 
 
 def _finite(value: float) -> float | None:
@@ -152,6 +160,8 @@ def summary_markdown(summary: dict[str, Any]) -> str:
         "",
         f"{_ends_text(smoothed['end_m'], summary)}.",
     ]
+    if (declination := summary.get("declination")) is not None:
+        lines.append(f"\nD{for_markdown(declination['text'][1:])}.")
     findings = summary.get("findings", [])
     lines += [f"\nThe {f['text']}." for f in findings if f["kind"] == "gyro_bias"]
     lines += [

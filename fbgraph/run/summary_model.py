@@ -75,6 +75,11 @@ class _Georeference(_Noted):
     lon_deg: _Longitude
 
 
+class _Declination(_Noted):
+    deg: Annotated[float, Field(ge=-180.0, le=180.0)]
+    text: _Shown
+
+
 class _Finding(_Noted):
     kind: _Shown
     start_s: float
@@ -121,6 +126,7 @@ class NotedRun(_Noted):
     closed_walk: bool = False
     anchors: _Count = 0
     georeference: _Georeference | None = None
+    declination: _Declination | None = None
     findings: list[_Finding] = []
     integrity: _Integrity | None = None
     inputs: _Inputs | None = None

@@ -9,6 +9,7 @@ import numpy as np
 
 from fbgraph.core.aids import Aids, Told
 from fbgraph.core.config import Config
+from fbgraph.core.earth_field import EarthField, earth_field, walk_day
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.sensor_log import SensorLog
@@ -69,6 +70,12 @@ class WalkResult:
     def aids(self) -> Aids:
         """What the smoother was told, its anchors in seconds since log start."""
         return self.told.aids(self.log.t0_s)
+
+    @property
+    def expected_field(self) -> EarthField | None:
+        """What an undisturbed magnetometer sees where the walk was, None if nobody knows where that is."""
+        where = self.told.place
+        return None if where is None else earth_field(where, walk_day(self.log.t0_s))
 
     @property
     def truth_shift_m(self) -> FloatArray:

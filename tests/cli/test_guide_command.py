@@ -27,7 +27,7 @@ from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate
 from fbgraph.way_back.texts import instructions
 
-CONFIG = load_config("m5stickc")
+CONFIG = load_config("m5stickc", ["device.declination_deg=0"])  # so that maps and readers walk the same way
 Guide = Callable[..., str]
 
 

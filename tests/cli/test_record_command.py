@@ -97,7 +97,8 @@ def test_without_rerun_a_walk_is_smoothed_and_says_so(folder: Path, tmp_path: Pa
     site.mkdir()
     (site / "sitecustomize.py").write_text("import sys\nsys.modules['rerun'] = None\n", "utf-8")
     run = tmp_path / "run"
-    printed = fbgraph_process("smooth", folder / "walk.csv", "--out", run, PYTHONPATH=str(site)).stdout
+    told = ("--origin", "49.4613,11.1110", "--out", run)
+    printed = fbgraph_process("smooth", folder / "walk.csv", *told, PYTHONPATH=str(site)).stdout
     assert "rerun-sdk is not installed" in printed
     assert not (run / "recording.rrd").exists()
     assert (run / "smoothed.tum").read_text() == (folder / "smooth" / "smoothed.tum").read_text()

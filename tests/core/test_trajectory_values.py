@@ -1,5 +1,6 @@
 """Trajectories: distances, places at times, ellipses, and TUM files there and back."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,23 @@ def test_until_keeps_the_breadcrumb_it_names_and_what_is_known_of_it() -> None:
     assert part.sigma_z_m is not None
     assert part.sigma_z_m.tolist() == [0.0, 1.0]
     assert part.sigma_bias_rad_s is None
+
+
+def test_a_walk_is_turned_about_its_start_with_its_covariance() -> None:
+    covariance = np.tile(np.array([[9.0, 1.0, 0.5], [1.0, 4.0, -0.25], [0.5, -0.25, 0.01]]), (3, 1, 1))
+    moved = replace(corner(cov_xy_yaw=covariance), x_m=corner().x_m + 7.0, y_m=corner().y_m - 2.0)
+    left = moved.turned(np.pi / 2)
+    assert left.x_m == pytest.approx([7.0, 7.0, 3.0])
+    assert left.y_m == pytest.approx([-2.0, 1.0, 1.0])
+    assert left.yaw_rad == pytest.approx(corner().yaw_rad + np.pi / 2)
+    assert left.cov_xy_yaw is not None
+    expected = [[4.0, -1.0, 0.25], [-1.0, 9.0, 0.5], [0.25, 0.5, 0.01]]
+    assert left.cov_xy_yaw[2].tolist() == [pytest.approx(row) for row in expected]
+    covariance[:, :2, 2] = covariance[:, 2, :2] = np.nan
+    unknown = moved.turned(np.pi / 2).cov_xy_yaw
+    assert unknown is not None
+    assert unknown[1, :2, :2].tolist() == [pytest.approx(row[:2]) for row in expected[:2]]
+    assert corner().turned(1.0).cov_xy_yaw is None
 
 
 def test_the_longest_axis_of_an_ellipse_wherever_it_points() -> None:
