@@ -1,8 +1,8 @@
-"""How the walks of ``integrity.py`` are drawn: by a seed, of one of the kinds that ``drawn_*.py`` add to ``KINDS``."""
+"""How the walks of ``integrity.py`` are drawn: by a seed, of one of the kinds of ``drawn_*.py``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -46,21 +46,23 @@ class Kind:
     quiet: bool
 
 
-KINDS: list[Kind] = []
+Draw = Callable[[Generator], Case]
 
 
-def kind(name: str, share: float = 1.0, quiet: bool = False) -> Callable[[Callable[[Generator], Case]], None]:
-    def add(draw: Callable[[Generator], Case]) -> None:
-        KINDS.append(Kind(name, draw, share, quiet))
+def adding_to(kinds: list[Kind]) -> Callable[..., Callable[[Draw], None]]:
+    """A decorator ``(name, share=1.0, quiet=False)`` that puts kinds into a list."""
 
-    return add
+    def kind(name: str, share: float = 1.0, quiet: bool = False) -> Callable[[Draw], None]:
+        return lambda draw: kinds.append(Kind(name, draw, share, quiet))
+
+    return kind
 
 
-def drawn(seed: int, only: str = "") -> tuple[Kind, Case]:
+def drawn(kinds: Sequence[Kind], seed: int, only: str = "") -> tuple[Kind, Case]:
     """The walk of a seed; of a kind if ``only`` names one."""
     rng = np.random.default_rng([11, seed])
-    shares = np.array([kind.share * (only in ("", kind.name)) for kind in KINDS])
-    chosen = KINDS[int(rng.choice(len(KINDS), p=shares / shares.sum()))]
+    shares = np.array([kind.share * (only in ("", kind.name)) for kind in kinds])
+    chosen = kinds[int(rng.choice(len(kinds), p=shares / shares.sum()))]
     return chosen, chosen.draw(rng)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from drawn import Case, between, corners, direction, kind, loop, moment, path, sign, usual, walked
+from drawn import Case, Kind, adding_to, between, corners, direction, loop, moment, path, sign, usual, walked
 from numpy.random import Generator
 
 from fbgraph.core.geometry import FloatArray
@@ -14,6 +14,9 @@ from fbgraph.simulator import disturbances as done
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.simulate import SimulatedWalk
 from fbgraph.simulator.simulate_options import Device
+
+KINDS: list[Kind] = []
+kind = adding_to(KINDS)
 
 
 # ------------------------------------------------------------------------------------------------------------- gait

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from drawn import Case, between, corners, direction, kind, loop, moment, path, sign, someone, usual, walked
+from drawn import Case, Kind, adding_to, between, corners, direction, loop, moment, path, sign, someone, usual, walked
 from numpy.random import Generator
 
 from fbgraph.core.aids import Told
@@ -17,6 +17,9 @@ from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import SimulatedWalk, simulate
 from fbgraph.simulator.simulate_options import Device
+
+KINDS: list[Kind] = []
+kind = adding_to(KINDS)
 
 NAMED = ("square", "eight", "out-and-back", "stairs", "obstacle", "straight")
 

@@ -17,8 +17,10 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
+import drawn_body
+import drawn_world
 import numpy as np
-from drawn import KINDS, Case, Kind, drawn
+from drawn import Case, Kind, drawn
 
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import FbgraphError
@@ -31,6 +33,7 @@ from fbgraph.run.walk_result import WalkResult
 from fbgraph.simulator.files import write_m5stickc_csv
 from fbgraph.simulator.simulate import SimulatedWalk
 
+KINDS = (*drawn_body.KINDS, *drawn_world.KINDS)
 ALLOWED_M, ALLOWED_Z_M = 0.3, 0.1  # what a place of a step is, and a device's against its wearer's
 FAR = 4.0  # sigma
 E95 = 2.4477  # 95 % of an ellipse
@@ -77,7 +80,7 @@ class Judged:
 def judged(seed: int, only: str = "") -> Judged:
     """Draw the walk of a seed, reconstruct it and hold it against its truth."""
     began = time.process_time()
-    kind, case = drawn(seed, only)
+    kind, case = drawn(KINDS, seed, only)
     try:
         result = reconstruct(log_of(case), load_config(case.preset), case.told)
     except FbgraphError as error:
