@@ -198,7 +198,7 @@ def _without_foreign_truth(result: WalkResult) -> WalkResult:
     if truth is None or len(truth) < 2:
         return result
     try:
-        checkpoint_errors(result.smoothed.trajectory, truth, log.t0_s)
+        checkpoint_errors(result.smoothed.trajectory, truth, log.t0_s, log_s=log.span_s)
     except DataError as error:
         log = replace(log, notices=(*log.notices, f"not scored: {error}"))
         return replace(result, told=replace(result.told, truth=None), log=log)

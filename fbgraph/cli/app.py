@@ -72,7 +72,7 @@ FormatOption = Annotated[
 ]
 TruthOption = Annotated[
     Path | None,
-    typer.Option("--truth", metavar="CSV", help="Known places, for scoring only: t_s,x_m,y_m[,z_m][,floor]."),
+    typer.Option("--truth", metavar="CSV", help="Known places, for scoring only: t_s,x_m,y_m[,z_m][,floor][,sigma_m]."),
 ]
 AnchorsOption = Annotated[
     Path | None,

@@ -126,8 +126,17 @@ def _score_cells(score: dict[str, Any] | None) -> list[str]:
 def print_scores(name: str, scores: dict[str, Any]) -> None:
     """Scores by estimator, from ``exports.score_run``."""
     say(f"{short_name(name)}: {next(iter(scores.values()))['checkpoints']} checkpoints scored")
-    rows = [[name, *_score_cells(score), f"{score['aligned_rmse_m']:.2f}"] for name, score in scores.items()]
-    print_table(["estimator", *_SCORE_HEADS, "aligned RMSE m"], rows)
+    rows = [
+        [name, *_score_cells(score), f"{score['aligned_rmse_m']:.2f}", _coverage_cell(score)]
+        for name, score in scores.items()
+    ]
+    print_table(["estimator", *_SCORE_HEADS, "aligned RMSE m", "in 95 % ellipse"], rows)
+
+
+def _coverage_cell(score: dict[str, Any]) -> str:
+    """How many checkpoints lie within the ellipse of an estimator that has one."""
+    covered = score.get("coverage")
+    return "–" if covered is None else f"{covered['inside_95']} of {covered['of']}"
 
 
 def print_table(heads: list[str], rows: list[list[str]]) -> None:

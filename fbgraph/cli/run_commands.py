@@ -74,7 +74,9 @@ def record(
 @app.command()
 def evaluate(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
-    truth: Annotated[Path, typer.Option("--truth", metavar="CSV", help="Known places: t_s,x_m,y_m[,z_m][,floor].")],
+    truth: Annotated[
+        Path, typer.Option("--truth", metavar="CSV", help="Known places: t_s,x_m,y_m[,z_m][,floor][,sigma_m].")
+    ],
     as_json: JsonOption = False,
 ) -> None:
     """Score a run folder against known places."""

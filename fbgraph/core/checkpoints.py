@@ -2,7 +2,8 @@
 
 CSV, with a header, on the log's own clock: ``t_s,x_m,y_m[,z_m][,floor][,sigma_m]``, or ``lat_deg,lon_deg`` for
 ``x_m,y_m`` (metres are then those East and North of the first row). The columns of the IPIN 2023 truth files
-(``t_app_s,checkpoint,lat_deg,lon_deg,floor,east_m,north_m``) are understood too.
+(``t_app_s,checkpoint,lat_deg,lon_deg,floor,east_m,north_m``) are understood too. ``sigma_m`` is the standard deviation
+of a place on each axis; without it a place is taken as exact, one of IPIN as good to half a metre.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ _SLACK_S = 5.0
 FASTEST_M_S, SLACK_M = 12.5, 1000.0  # nobody runs faster, and no survey is further off
 _MOST_ANCHORS = 20_000
 _MOST_PLACES = 2_000_000  # 48 h at 10 Hz are fewer
+IPIN_SIGMA_M = 0.5
+"""Of a checkpoint of the IPIN competitions: surveyed to centimetres, pressed by hand some 0.4 s early or late."""
 _ALIASES = {"t_app_s": "t_s", "east_m": "x_m", "north_m": "y_m", "up_m": "z_m"}
 
 
@@ -187,6 +190,7 @@ def read_checkpoints(path: str | Path) -> Checkpoints:
         table = pd.read_csv(BytesIO(data), comment="#", skipinitialspace=True)
     except ValueError as error:  # pandas' parser and decoding errors are ValueErrors
         raise DataError(f"{path}: not a readable checkpoint CSV: {str(error).splitlines()[0]}") from error
+    ipin = "t_app_s" in table
     table = table.rename(columns={name: _ALIASES.get(name.strip(), name.strip()) for name in table.columns})
     on_earth = {"lat_deg", "lon_deg"} <= set(table.columns)
     places = ("lat_deg", "lon_deg") if on_earth and not {"x_m", "y_m"} <= set(table.columns) else ("x_m", "y_m")
@@ -206,6 +210,8 @@ def read_checkpoints(path: str | Path) -> Checkpoints:
                 row = int(np.flatnonzero(~np.isfinite(values))[0])
                 raise DataError(f"{path}: row {row + 1} after the header: {name} is not a number")
             columns[name] = values
+    if ipin and "sigma_m" not in columns:
+        columns["sigma_m"] = np.full(len(table), IPIN_SIGMA_M)
     for name, most in (("lat_deg", 90.0), ("lon_deg", 180.0)):
         outside = np.flatnonzero(np.abs(columns.get(name, np.empty(0))) > most)
         if len(outside):

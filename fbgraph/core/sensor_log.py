@@ -80,7 +80,13 @@ class SensorLog:
     @property
     def duration_s(self) -> float:
         """From the first to the last inertial sample."""
-        return float(max(self.acc.t_s[-1], self.gyro.t_s[-1]) - min(self.acc.t_s[0], self.gyro.t_s[0]))
+        start_s, end_s = self.span_s
+        return end_s - start_s
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """When the first and the last inertial sample were taken."""
+        return float(min(self.acc.t_s[0], self.gyro.t_s[0])), float(max(self.acc.t_s[-1], self.gyro.t_s[-1]))
 
     def between(self, start_s: float, end_s: float) -> SensorLog:
         """The piece with start_s <= t < end_s of every stream, on the same clock."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fbgraph.core.checkpoints import Checkpoints, checkpoints
+from fbgraph.core.checkpoints import IPIN_SIGMA_M, Checkpoints, checkpoints
 from fbgraph.core.georeference import Georeference
 from fbgraph.readers.cleaning import RawLog, RawStream, to_ns
 from fbgraph.readers.log_text import LogText, log_text
@@ -104,4 +104,7 @@ def _truth(places: array[float], path: Path) -> Checkpoints | None:
     lat_lon_deg = np.column_stack((lat_deg, lon_deg))
     x_m, y_m = first.local_m(lat_lon_deg).T
     source = f"{path} (POSI)"
-    return checkpoints(t_s, x_m, y_m, floor=floor, source=source, georeference=first, lat_lon_deg=lat_lon_deg)
+    sigma_m = np.full(len(t_s), IPIN_SIGMA_M)
+    return checkpoints(
+        t_s, x_m, y_m, floor=floor, sigma_m=sigma_m, source=source, georeference=first, lat_lon_deg=lat_lon_deg
+    )

@@ -34,6 +34,7 @@ _TAGS = {  # stream, values, least number of fields: an accuracy follows vectors
     "TYPE_WAYPOINT": ("waypoint", 2, 2),
 }
 _TICK_NS = 1_000_000
+_WAYPOINT_SIGMA_M = 1.2  # tapped on a map of the floor by whoever walks past
 
 
 def detects(head: str) -> bool:
@@ -61,7 +62,9 @@ def read(source: Path | LogText) -> RawLog:
             raw.streams[name] = RawStream(t_ns, values_si)
         elif (known := np.isfinite(values_si).all(axis=1)).any():
             x_m, y_m = values_si[known].T
-            raw.truth = checkpoints(t_ns[known] * 1e-9, x_m, y_m, source=f"{text.source} (TYPE_WAYPOINT)")
+            sigma_m = np.full(len(x_m), _WAYPOINT_SIGMA_M)
+            name = f"{text.source} (TYPE_WAYPOINT)"
+            raw.truth = checkpoints(t_ns[known] * 1e-9, x_m, y_m, sigma_m=sigma_m, source=name)
     return raw
 
 

@@ -40,7 +40,8 @@ def errors_at_checkpoints(
     for name, trajectory in trajectories:
         _, alignment = score_label(name, result.told.anchors is not None, result.told.closed_walk)
         try:
-            error_m = checkpoint_errors(trajectory, result.told.truth, result.log.t0_s, alignment)
+            log = result.log
+            error_m = checkpoint_errors(trajectory, result.told.truth, log.t0_s, alignment, log.span_s)
         except DataError:  # truth of another log; who scores complains, the recording shows what there is
             continue
         errors[name] = (t_s[len(t_s) - len(error_m) :], error_m)

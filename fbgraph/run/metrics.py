@@ -42,14 +42,20 @@ class Score:
 
 
 def checkpoint_errors(
-    trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, alignment: Alignment = "start"
+    trajectory: Trajectory,
+    truth: Checkpoints,
+    t0_s: float = 0.0,
+    alignment: Alignment = "start",
+    log_s: tuple[float, float] | None = None,
 ) -> FloatArray:
     """Horizontal errors at the checkpoints.
 
     Args:
-        trajectory: the estimate; between breadcrumbs it is taken as linear.
+        trajectory: the estimate; between breadcrumbs it is taken as linear, before its first and after its last the
+            wearer stood there.
         truth: known places on the clock ``t_s + t0_s``.
         t0_s: brings the trajectory's clock to the truth's.
+        log_s: when the log begins and ends, on the trajectory's clock; as the trajectory does if None.
         alignment: ``start`` moves the estimate (no rotation, no scale) so that it agrees at the first checkpoint and
             scores those after it; ``rigid`` moves and turns it for the best fit over all; ``none`` takes it as it is.
 
@@ -57,7 +63,23 @@ def checkpoint_errors(
         (M - 1,) for ``start``, (M,) otherwise; metres.
 
     Raises:
-        DataError: fewer than two checkpoints, or none within the walk: truth of another log or clock.
+        DataError: fewer than two checkpoints, or none of the walk: truth of another log or clock.
+    """
+    offset_m = checkpoint_offsets(trajectory, truth, t0_s, alignment, log_s)
+    return np.asarray(np.hypot(*offset_m.T))
+
+
+def checkpoint_offsets(
+    trajectory: Trajectory,
+    truth: Checkpoints,
+    t0_s: float = 0.0,
+    alignment: Alignment = "start",
+    log_s: tuple[float, float] | None = None,
+) -> FloatArray:
+    """How far East and North of the checkpoints the estimate is; arguments, length and errors as ``checkpoint_errors``.
+
+    Returns:
+        (M - 1, 2) for ``start``, (M, 2) otherwise; metres.
     """
     if len(truth) < 2:
         raise DataError(f"{truth.source}: scoring needs at least two checkpoints, found {len(truth)}")
@@ -66,8 +88,10 @@ def checkpoint_errors(
     if np.abs(truth.xy_m).max() > _MOST_M:
         raise DataError(f"{truth.source}: a place {np.abs(truth.xy_m).max():.3g} m from the origin is none on Earth")
     t_s = truth.t_s - t0_s
-    inside = (t_s >= trajectory.t_s[0]) & (t_s <= trajectory.t_s[-1])
-    if not inside.any():
+    begin_s, end_s = log_s or (float(trajectory.t_s[0]), float(trajectory.t_s[-1]))
+    inside_s = t_s[(t_s >= begin_s) & (t_s <= end_s)]
+    # who stood still before the first step and after the last walked in between
+    if len(inside_s) == 0 or inside_s[0] > trajectory.t_s[-1] or inside_s[-1] < trajectory.t_s[0]:
         raise DataError(
             f"{truth.source}: its times {truth.t_s[0]:.1f} … {truth.t_s[-1]:.1f} s lie outside "
             f"the walk ({trajectory.t_s[0] + t0_s:.1f} … {trajectory.t_s[-1] + t0_s:.1f} s): "
@@ -76,15 +100,21 @@ def checkpoint_errors(
     estimate = trajectory.at(t_s)[:, :2]
     if alignment == "start":
         difference = estimate - truth.xy_m
-        return np.asarray(np.hypot(*(difference - difference[0])[1:].T))
+        return np.asarray((difference - difference[0])[1:])
     if alignment == "rigid":
         estimate = _rigid_fit(estimate, truth.xy_m)
-    return np.asarray(np.hypot(*(estimate - truth.xy_m).T))
+    return np.asarray(estimate - truth.xy_m)
 
 
-def score(trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, alignment: Alignment = "start") -> Score:
+def score(
+    trajectory: Trajectory,
+    truth: Checkpoints,
+    t0_s: float = 0.0,
+    alignment: Alignment = "start",
+    log_s: tuple[float, float] | None = None,
+) -> Score:
     """Errors at the checkpoints, summed up; arguments and errors as in ``checkpoint_errors``."""
-    errors = checkpoint_errors(trajectory, truth, t0_s, alignment)
+    errors = checkpoint_errors(trajectory, truth, t0_s, alignment, log_s)
     return Score(
         rmse_m=float(np.sqrt((errors**2).mean())),
         mean_m=float(errors.mean()),

@@ -248,8 +248,9 @@ def score_run(run: SavedRun, truth: Checkpoints) -> dict[str, Any]:
     Raises:
         DataError: truth that does not belong to it.
     """
-    scores = {}
+    scores, log = {}, run.summary["log"]
+    log_s = (float(log["t0_s"]), float(log["t0_s"]) + float(log["duration_s"]))
     for name, trajectory in run.trajectories.items():
         label, alignment = score_label(name, bool(run.summary.get("anchors")), bool(run.summary.get("closed_walk")))
-        scores[name] = score_entry(trajectory, truth, 0.0, label, alignment)
+        scores[name] = score_entry(trajectory, truth, 0.0, label, alignment, log_s)
     return scores

@@ -6,6 +6,7 @@ from typing import Any
 
 from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.run.coverage import coverage
 from fbgraph.run.metrics import Alignment, score
 
 
@@ -19,11 +20,18 @@ def score_label(name: str, anchored: bool, closed_walk: bool) -> tuple[str, Alig
 
 
 def score_entry(
-    trajectory: Trajectory, truth: Checkpoints, t0_s: float, label: str, alignment: Alignment
+    trajectory: Trajectory,
+    truth: Checkpoints,
+    t0_s: float,
+    label: str,
+    alignment: Alignment,
+    log_s: tuple[float, float] | None = None,
 ) -> dict[str, Any]:
-    """One estimator's score as it is written and printed: labelled, the best rigid fit beside it."""
-    return {
+    """One estimator's score as it is written and printed: labelled, the best rigid fit and its ellipses' coverage."""
+    entry = {
         "label": label,
-        **score(trajectory, truth, t0_s, alignment).as_dict(),
-        "aligned_rmse_m": score(trajectory, truth, t0_s, "rigid").rmse_m,
+        **score(trajectory, truth, t0_s, alignment, log_s).as_dict(),
+        "aligned_rmse_m": score(trajectory, truth, t0_s, "rigid", log_s).rmse_m,
     }
+    covered = coverage(trajectory, truth, t0_s, alignment, log_s)
+    return entry if covered is None else {**entry, "coverage": covered.as_dict()}

@@ -35,7 +35,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         }
         if result.told.truth is not None and len(result.told.truth) > 1:
             label, alignment = score_label(name, result.told.anchors is not None, result.told.closed_walk)
-            entry["score"] = score_entry(trajectory, result.told.truth, log.t0_s, label, alignment)
+            entry["score"] = score_entry(trajectory, result.told.truth, log.t0_s, label, alignment, log.span_s)
         estimators[name] = entry
     final = smoothed.trajectory
     sigma_m = final.longest_sigma_m

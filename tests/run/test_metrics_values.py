@@ -79,6 +79,19 @@ def test_truth_of_another_log_is_refused() -> None:
         checkpoint_errors(WAY, truth((1, 0, 0)))
 
 
+def test_who_stood_still_before_the_first_step_and_after_the_last_was_there() -> None:
+    """The log runs from -8 to 30 s, the walk from 0 to 20."""
+    log_s = (-8.0, 30.0)
+    ends = truth((-5, 0, 0), (28, 10, 13))
+    assert checkpoint_errors(WAY, ends, log_s=log_s) == pytest.approx([3.0])
+    assert score(WAY, truth((95, 0, 0), (128, 10, 13)), 100.0, log_s=log_s).final_m == pytest.approx(3.0)
+    for other in (truth((-5, 0, 0), (-0.1, 1, 1)), truth((20.1, 0, 0), (29, 1, 1)), truth((-9, 0, 0), (31, 10, 13))):
+        with pytest.raises(DataError, match="outside the walk"):
+            checkpoint_errors(WAY, other, log_s=log_s)
+    with pytest.raises(DataError, match="outside the walk"):
+        checkpoint_errors(WAY, ends)
+
+
 def test_legs_are_compared_in_length_and_direction() -> None:
     """True legs 8 m East and 10 m towards 60° left of it; walked 10 m East and 10 m North."""
     y_m = 10.0 * math.sin(math.radians(60.0))
