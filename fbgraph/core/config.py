@@ -21,6 +21,7 @@ from fbgraph.core.errors import ConfigError
 # bounds keep out what no walk needs and no computer could do; within them anything may be tried
 Positive = Annotated[float, Field(gt=0, le=1e4)]
 NonNegative = Annotated[float, Field(ge=0, le=1e4)]
+Share = Annotated[float, Field(gt=0, lt=0.5)]
 Coefficient = Annotated[float, Field(ge=-100.0, le=100.0)]
 Seconds = Annotated[float, Field(gt=0, le=3600.0)]
 BriefSeconds = Annotated[float, Field(gt=0, le=10.0)]
@@ -114,6 +115,29 @@ class StepsConfig(Section):
     spin_window_s: BriefSeconds = 3.0
     max_spin_rad: Positive = 4.2
     """Who turns further than this within spin_window_s turns on the spot."""
+
+
+class CarryingConfig(Section):
+    """How the device may be carried otherwise than ``device.mount`` says, and how likely that is beforehand."""
+
+    turned_in_hand: Share = 0.005
+    """Of fast turns, those that are the device's and not the wearer's."""
+    turned_in_corner: Share = 0.001
+    """Those that are partly one and partly the other."""
+    turned_unseen: Share = 5e-4
+    """Of steps, those on which both cancel."""
+    held_any_way: Share = 0.1
+    """Of walks with the device in hand or on the chest, those on which ``device.mount`` points elsewhere altogether."""
+    worn_any_way: Share = 0.3
+    """The same of a device worn in a bag or on a limb."""
+    sigma_held_rad: Sigma = 0.1
+    """How well ``device.mount`` points where one walks otherwise, in hand or on the chest."""
+    sigma_worn_rad: Sigma = 0.6
+    """And in a bag or on a limb."""
+    worn_up_rad: Sigma = 0.66
+    """A mount that points further up or down than this is that of a device worn upright."""
+    worn_tilt_rate_rad_s: Sigma = 1.0
+    """A device that tilts faster than this all along is worn on a limb."""
 
 
 class StepLengthConfig(Section):
@@ -287,6 +311,7 @@ class Config(Section):
     device: DeviceConfig = DeviceConfig()
     attitude: AttitudeConfig = AttitudeConfig()
     steps: StepsConfig = StepsConfig()
+    carrying: CarryingConfig = CarryingConfig()
     step_length: StepLengthConfig = StepLengthConfig()
     ekf: EkfConfig = EkfConfig()
     graph: GraphConfig = GraphConfig()

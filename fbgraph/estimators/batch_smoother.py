@@ -189,7 +189,7 @@ def _trajectory_of(
     sigma_bias = np.array([marginals.marginalCovariance(B(k))[0, 0] for k in range(count)]) ** 0.5
     covariance = body_to_world(covariance, poses[:, 2])
     if not anchored:
-        covariance += walk_covariance(poses, config)
+        covariance += walk_covariance(poses, track.sigma_turned_rad, config)
     return Trajectory(
         track.t_s,
         poses[:, 0],

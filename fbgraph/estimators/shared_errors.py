@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.geometry import FloatArray
 
 
-def walk_covariance(poses: FloatArray, config: GraphConfig) -> FloatArray:
-    """(N, 3, 3) covariance of the errors that all steps of a walk share: its scale and its mount.
+def walk_covariance(poses: FloatArray, sigma_turned_rad: FloatArray, config: GraphConfig) -> FloatArray:
+    """(N, 3, 3) covariance of the errors that many steps of a walk share: its scale, and how the device was held.
 
-    They turn and stretch the walk about its start and nothing inside it can tell, a closed end included; they need no
-    node of their own: with r = p - p_0, the scale moves p by r and the mount turns it by r⊥.
+    They turn and stretch the walk about the breadcrumb where they begin and nothing inside it can tell, a closed end
+    included; they need no node of their own: with r = p - p_0, the scale moves p by r and the mount turns it by r⊥.
+
+    Args:
+        poses: (N, 3) x, y, yaw.
+        sigma_turned_rad: (N,) how well is known what each step changed of how the device is held, as in ``Step``.
+        config: the whole walk's.
     """
-    rx, ry = poses[:, 0] - poses[0, 0], poses[:, 1] - poses[0, 1]
-    zeros, ones = np.zeros(len(poses)), np.ones(len(poses))
-    scale = np.column_stack((rx, ry, zeros)) * config.sigma_length_scale
-    mount = np.column_stack((-ry, rx, ones)) * config.sigma_mount_rad
-    return np.asarray(np.einsum("ni,nj->nij", scale, scale) + np.einsum("ni,nj->nij", mount, mount))
+    x, y, ones = poses[:, 0], poses[:, 1], np.ones(len(poses))
+    scale = np.column_stack((x - x[0], y - y[0], 0.0 * ones)) * config.sigma_length_scale
+    covariance = np.einsum("ni,nj->nij", scale, scale)
+    begins = sigma_turned_rad.copy()
+    begins[0] = math.hypot(begins[0], config.sigma_mount_rad)
+    for k in np.flatnonzero(begins).tolist():
+        about = max(k - 1, 0)
+        turned = np.column_stack((y[about] - y, x - x[about], ones))[k:] * begins[k]
+        covariance[k:] += np.einsum("ni,nj->nij", turned, turned)
+    return np.asarray(covariance)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from fbgraph.core.config import Config
 from fbgraph.core.errors import DataError
 from fbgraph.core.sensor_log import SensorLog
+from fbgraph.front_end.carrying import carried
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.leveller import Leveller
 from fbgraph.front_end.step_detector import StepDetector
@@ -51,7 +52,7 @@ def detect_steps(log: SensorLog, config: Config) -> tuple[StepTrack, LevelledSig
     steps += last_steps
     if not steps:
         raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log)}")
-    return StepTrack(steps), LevelledSignals.concatenate([signals, last_signals])
+    return StepTrack(carried(steps, config.carrying)), LevelledSignals.concatenate([signals, last_signals])
 
 
 def _why_none(log: SensorLog) -> str:

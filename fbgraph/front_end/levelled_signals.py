@@ -17,6 +17,7 @@ class LevelledSignals:
         index: (N,) grid index; ``t_s = index / rate_hz``. Consecutive except across gaps.
         acc_norm_m_s2: (N,) magnitude of specific force.
         acc_n_m_s2: (N, 3) specific force in the levelled frame turned to face the walking direction: forward, left, up.
+        mount_up_rad: (N,) elevation of ``device.mount`` above the horizon.
         tilt_rate_rad_s: (N,) magnitude of the angular rate about horizontal axes: shaking, not turning.
         yaw_gyro_rad: (N,) walking direction by the gyroscope alone, unwrapped, arbitrary start; its bias still in it.
         yaw_mag_rad: (N,) walking direction by the compass, wrapped, nan where there is no magnetometer sample.
@@ -30,6 +31,7 @@ class LevelledSignals:
     t_s: FloatArray
     acc_norm_m_s2: FloatArray
     acc_n_m_s2: FloatArray
+    mount_up_rad: FloatArray
     tilt_rate_rad_s: FloatArray
     yaw_gyro_rad: FloatArray
     yaw_mag_rad: FloatArray

@@ -133,6 +133,7 @@ class Leveller:
             t_s=t_s,
             acc_norm_m_s2=acc_norm,
             acc_n_m_s2=acc_walk,
+            mount_up_rad=np.arctan2(forward_n[:, 2], np.hypot(forward_n[:, 0], forward_n[:, 1])),
             tilt_rate_rad_s=np.hypot(gyro_n[:, 0], gyro_n[:, 1]),
             yaw_gyro_rad=yaw_gyro,
             yaw_mag_rad=yaw_mag,

@@ -9,6 +9,7 @@ import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
 from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step, flat_length_m
@@ -24,6 +25,7 @@ class StepGauge:
         self._rate_hz = rate_hz
         self._signals: LevelledSignals | None = None
         self._rests = Rests(rate_hz, settle_s)
+        self._gait = GaitDirection()
         self._last_end: int | None = None
         self._last_interval: int | None = None
 
@@ -41,6 +43,8 @@ class StepGauge:
             stride = interval if peak.first or self._last_interval is None else (interval + self._last_interval) / 2
             first_of_walk = self._last_end is None
             step = self._measure_one(peak, frequency_hz=self._rate_hz / stride)
+            assert self._signals is not None
+            step = self._gait.told(step, self._signals, peak)
             if first_of_walk:
                 steps.append(_standing_start(step, self._altitude_before(peak)))
             steps.append(step)

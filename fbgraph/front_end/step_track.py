@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -67,6 +68,21 @@ class Step:
     """Its standard deviation."""
     rest_s: float
     """How long that rest was, 0 if there was none."""
+    gait_yaw_rad: float = math.nan
+    """Which way the legs push, left of the device's forward, by this step and the one before (``gait_direction``)."""
+    push_m_s2: float = math.nan
+    """Amplitude of that push."""
+    side_forward_m_s2: float = math.nan
+    side_left_m_s2: float = math.nan
+    """What else the device does at the step's frequency, a quarter of a step after the push."""
+    mount_up_rad: float = math.nan
+    """Elevation of ``device.mount`` above the horizon: straight up or down it points nowhere."""
+    tilt_rate_rad_s: float = math.nan
+    """Mean angular rate about horizontal axes."""
+    mount_rad: float = 0.0
+    """By how much the directions were turned from the device's forward to the way one walks (``carrying``)."""
+    sigma_turned_rad: float = 0.0
+    """Standard deviation of what changed of that with this step; of the start, beyond ``graph.sigma_mount_rad``."""
 
 
 class StepTrack:

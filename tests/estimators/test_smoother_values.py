@@ -49,10 +49,20 @@ def test_a_covariance_of_the_body_turns_into_the_worlds() -> None:
 
 def test_the_errors_of_a_whole_walk_stretch_and_turn_it_about_its_start() -> None:
     config = GraphConfig(sigma_length_scale=0.1, sigma_mount_rad=0.2)
-    covariance = walk_covariance(np.array([[1.0, 1.0, 0.3], [4.0, 5.0, 2.0]]), config)
+    covariance = walk_covariance(np.array([[1.0, 1.0, 0.3], [4.0, 5.0, 2.0]]), np.zeros(2), config)
     assert np.allclose(covariance[0], np.diag([0.0, 0.0, 0.04]))
     # r = (3, 4): scale moves it by (0.3, 0.4), the mount by (-0.8, 0.6) and its yaw by 0.2
     assert np.allclose(covariance[1], [[0.73, -0.36, -0.16], [-0.36, 0.52, 0.12], [-0.16, 0.12, 0.04]])
+
+
+def test_a_turn_in_the_hand_turns_what_comes_after_it_about_the_breadcrumb_before() -> None:
+    poses = np.array([[1.0, 1.0, 0.3], [4.0, 5.0, 2.0], [4.0, 7.0, 1.5]])
+    quiet = GraphConfig(sigma_length_scale=0.0, sigma_mount_rad=0.3)
+    turned = walk_covariance(poses, np.array([0.4, 0.0, 0.1]), quiet)
+    assert np.allclose(turned[0], np.diag([0.0, 0.0, 0.25]))
+    assert np.allclose(turned[1], 0.25 * np.array([[16.0, -12.0, -4.0], [-12.0, 9.0, 3.0], [-4.0, 3.0, 1.0]]))
+    alone = walk_covariance(poses, np.array([0.4, 0.0, 0.0]), quiet)
+    assert np.allclose(turned[2] - alone[2], 0.01 * np.array([[4.0, 0.0, -2.0], [0.0, 0.0, 0.0], [-2.0, 0.0, 1.0]]))
 
 
 def test_the_whole_walks_errors_are_part_of_its_covariance_until_two_places_are_known() -> None:
@@ -61,7 +71,9 @@ def test_the_whole_walks_errors_are_part_of_its_covariance_until_two_places_are_
     loud = GraphConfig(sigma_length_scale=0.1, sigma_mount_rad=0.2)
     plain, more = (smoothed(track, yaw, config).trajectory for config in (QUIET, loud))
     poses = np.column_stack((plain.x_m, plain.y_m, plain.yaw_rad))
-    assert np.allclose(covariance_of(more) - covariance_of(plain), walk_covariance(poses, loud), atol=1e-9)
+    assert np.allclose(
+        covariance_of(more) - covariance_of(plain), walk_covariance(poses, np.zeros(21), loud), atol=1e-9
+    )
     one = checkpoints(np.array([0.0]), np.array([3.0]), np.array([4.0]))
     two = checkpoints(np.array([0.0, 10.0]), np.array([3.0, 15.0]), np.array([4.0, 9.0]))
     turning = QUIET.model_copy(update={"sigma_mount_rad": 0.2})

@@ -19,7 +19,7 @@ FIELD_N = np.array([0.0, 20.0, -43.0])
 def levelled(count: int, first: int = 0, rate_hz: float = 100.0, **given: Any) -> LevelledSignals:
     """Signals of a device that hangs still, moved by nothing but what is given; numbers become columns."""
     index = np.arange(first, first + count, dtype=np.int64) if "index" not in given else given.pop("index")
-    columns: dict[str, Any] = dict.fromkeys(("tilt_rate_rad_s", "yaw_gyro_rad"), 0.0)
+    columns: dict[str, Any] = dict.fromkeys(("mount_up_rad", "tilt_rate_rad_s", "yaw_gyro_rad"), 0.0)
     columns |= dict.fromkeys(("yaw_mag_rad", "mag_norm_ut", "mag_dip_rad", "altitude_m"), np.nan)
     columns |= {"acc_norm_m_s2": G, "still": False, "up_m_s2": G} | given
     up = np.broadcast_to(columns.pop("up_m_s2"), count)

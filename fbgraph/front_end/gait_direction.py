@@ -1,0 +1,85 @@
+"""Which way the legs push, by the horizontal acceleration of the steps, against the device's own forward.
+
+Walking lifts the trunk once a step and, a good quarter of a step later, pushes it forward: the part of the horizontal
+acceleration that follows the vertical one by that much points where one walks, wherever on the body the device is
+(Kourogi & Kurata, PLANS 2014; Roy, Wang & Choudhury, WalkCompass, MobiSys 2014). Sway goes with the stride, half as
+fast, and a device that leans lets the vertical itself into the horizontal, in phase with it; both are apart from it.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fbgraph.core.geometry import FloatArray
+from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.step_track import Peak, Step
+
+_LAG_RAD = math.radians(75.0)
+"""By which the push follows the bounce: on 94 real walks in hand, on the chest, in bag and pocket it lies between 10
+and 120 degrees, and 75 turns none of them by more than 60."""
+_FEWEST = 4  # samples of a step that show its beat
+
+
+@dataclass(frozen=True, slots=True)
+class Beat:
+    """Acceleration of one step at the step's own frequency: complex amplitudes, phase counted from its begin, m/s²."""
+
+    end: int
+    forward: complex
+    left: complex
+    up: complex
+
+
+class GaitDirection:
+    """Tells steps which way the legs pushed. Two steps are looked at: over them what goes with the stride is gone."""
+
+    def __init__(self) -> None:
+        self._before: Beat | None = None
+
+    def told(self, step: Step, signals: LevelledSignals, peak: Peak) -> Step:
+        """The step of a peak, with its push if it followed upon another, and how the device was held meanwhile.
+
+        Args:
+            step: as measured; the next one.
+            signals: among them all those of the step.
+            peak: where it began and ended.
+        """
+        lo, hi = np.searchsorted(signals.index, (peak.start_index + 1, peak.index + 1)).tolist()
+        beat = beat_of(signals, lo, hi, peak)
+        before, self._before = self._before, beat
+        lo = min(lo, hi - 1)
+        step = replace(
+            step,
+            mount_up_rad=float(signals.mount_up_rad[lo:hi].mean()),
+            tilt_rate_rad_s=float(signals.tilt_rate_rad_s[lo:hi].mean()),
+        )
+        if beat is None or before is None or before.end != peak.start_index:
+            return step
+        up = beat.up + before.up
+        if abs(up) == 0.0:
+            return step
+        turn = 0.5 * (up / abs(up)).conjugate() * cmath.exp(-1j * _LAG_RAD)
+        forward, left = (beat.forward + before.forward) * turn, (beat.left + before.left) * turn
+        return replace(
+            step,
+            gait_yaw_rad=math.atan2(left.real, forward.real),
+            push_m_s2=math.hypot(left.real, forward.real),
+            side_forward_m_s2=forward.imag,
+            side_left_m_s2=left.imag,
+        )
+
+
+def beat_of(signals: LevelledSignals, lo: int, hi: int, peak: Peak) -> Beat | None:
+    """The beat of a step, rows ``lo`` to ``hi`` of the signals; None with a gap in it or too few samples."""
+    if hi - lo != peak.index - peak.start_index or hi - lo < _FEWEST:
+        return None
+    phase = (2.0 * np.pi / (hi - lo)) * np.arange(1, hi - lo + 1)
+    acc: FloatArray = signals.acc_n_m_s2[lo:hi]
+    real = 2.0 * (acc * np.cos(phase)[:, None]).mean(axis=0)
+    imag = -2.0 * (acc * np.sin(phase)[:, None]).mean(axis=0)
+    forward, left, up = (complex(a, b) for a, b in zip(real.tolist(), imag.tolist(), strict=True))
+    return Beat(peak.index, forward, left, up)
