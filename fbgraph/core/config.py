@@ -126,7 +126,7 @@ class CarryingConfig(Section):
     """Those that are partly one and partly the other."""
     turned_unseen: Share = 5e-4
     """Of steps, those on which both cancel."""
-    held_any_way: Share = 0.1
+    held_any_way: Share = 0.08
     """Of walks with the device in hand or on the chest, those on which ``device.mount`` points elsewhere altogether."""
     worn_any_way: Share = 0.3
     """The same of a device worn in a bag or on a limb."""

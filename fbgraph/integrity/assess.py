@@ -10,10 +10,11 @@ import numpy as np
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Integrity, Verdict
+from fbgraph.integrity.carrying_checks import mount_does_not_fit, turned_in_hand
 from fbgraph.integrity.evidence import Check, Doubt, Evidence
 from fbgraph.integrity.solution_checks import solver_at_its_limit, solver_failed
 
-CHECKS: tuple[Check, ...] = (solver_failed, solver_at_its_limit)
+CHECKS: tuple[Check, ...] = (solver_failed, solver_at_its_limit, mount_does_not_fit, turned_in_hand)
 """In no order: what they find is sorted by weight."""
 
 
