@@ -30,6 +30,7 @@ _UNSEEN_STEPS = 2  # that a turn takes which the heading does not show
 _PEAK_STEPS = 4  # after which nothing likelier comes
 _CORRELATED = 2.0  # strides overlap by a step
 _DRIFT, _RESTLESS = 0.15, 1.0  # from stretch to stretch gait changes by this share of its push, and of its scatter
+_NOISE_M_S2 = 0.05  # no push is known better
 _LEAK = 0.03  # m/s² into the horizontal for each m/s² of bounce, where the device leans otherwise than it seems
 _LAG_ERROR_RAD = 0.3  # walking direction by the push, whole walks: sigma on real ones
 _SURE = 4.0  # log-odds at which nothing more is waited for
@@ -238,7 +239,7 @@ def turn_belief(before: Pushes, after: Pushes, jump_rad: float | None, config: C
         return Belief(0.0, 0.0, -math.inf)
     then, now = before.mean(axis=0), after.mean(axis=0)
     scatter = (np.abs(before - then) ** 2).sum(axis=0) + (np.abs(after - now) ** 2).sum(axis=0)
-    scatter /= 2.0 * (len(before) + len(after) - 2)
+    scatter = scatter / (2.0 * (len(before) + len(after) - 2)) + _NOISE_M_S2**2
     variance = scatter * (_CORRELATED * (1.0 / len(before) + 1.0 / len(after)) + _RESTLESS)
     variance += 0.25 * _DRIFT**2 * (np.abs(then) ** 2 + np.abs(now) ** 2).mean()
 
@@ -281,7 +282,7 @@ def start_belief(pushes: Pushes, steps: Sequence[Step], config: CarryingConfig) 
         return Belief(0.0, prior if worn else 0.0, -math.inf)
     mean = complex(pushes.mean())
     noise = _CORRELATED * float((np.abs(pushes - mean) ** 2).mean()) / (2.0 * len(pushes))
-    variance = (_LAG_ERROR_RAD * abs(mean)) ** 2 + (_LEAK * bounce) ** 2 + noise
+    variance = (_LAG_ERROR_RAD * abs(mean)) ** 2 + (_LEAK * bounce) ** 2 + noise + _NOISE_M_S2**2
     seen, sigma = cmath.phase(mean), math.sqrt(variance) / max(abs(mean), 1e-9)
 
     def candidate(about_rad: float, about_sigma: float, share: float) -> tuple[float, float, float]:
