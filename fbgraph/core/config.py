@@ -203,10 +203,18 @@ class GraphConfig(Section):
     """Gyroscope bias before any rest."""
     sigma_bias_walk_rad_s: Sigma = 1e-4
     """Bias random walk per root second."""
+    sigma_gyro_scale: Sigma = 0.015
+    """Scale of the gyroscope: of a turn, this share too much or too little."""
     sigma_mag_rad: Sigma = 0.26
     """Compass against true heading, where iron is near."""
     mag_correlation_m: Positive = 6.0
     """Distance walked over which a compass error stays the same."""
+    sigma_iron_ut: Sigma = 1.0
+    """The device's own iron, each horizontal component; heavy-tailed, for some devices are not calibrated at all."""
+    sigma_iron_jump_ut: Sigma = 1.5
+    """How well a jump of it is seen, where the device calibrates its magnetometer anew."""
+    sigma_field_ut: Sigma = 20.0
+    """Usual horizontal strength of the field, against the median of the walk."""
     mag_huber: Sigma = 1.0
     """Compass residuals beyond this many sigma_mag_rad count linearly (Huber)."""
     norm_scale_ut: Sigma = 20.0

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, X, Z
+from gtsam.symbol_shorthand import B, I, X, Z
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import Config, GraphConfig, SolverConfig
@@ -18,16 +18,19 @@ from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.altitude_chain import weather_sigma_m
-from fbgraph.estimators.estimates import Smoothed
+from fbgraph.estimators.estimates import DeviceErrors, Smoothed
 from fbgraph.estimators.factor_graph import build_graph
-from fbgraph.estimators.residuals import factor_residuals
-from fbgraph.estimators.shared_errors import walk_covariance
+from fbgraph.estimators.heading_chain import HeadingSolution, solve_heading
+from fbgraph.estimators.pdr import calibrated_yaw_rad
+from fbgraph.estimators.residuals import compass_table, factor_residuals
+from fbgraph.estimators.shared_errors import curvature_covariance, walk_covariance
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.follower import find_closures
 from fbgraph.way_back.records import Closure, TurnBack
 from fbgraph.way_back.turn_back import find_turn_back
 
 _INTERRUPTIBLE_S = 0.1
+_PASSES, _SETTLED_RAD = 4, 0.01
 Solved = TypeVar("Solved")
 _STACK_MIN, _STACK_PER_BREADCRUMB, _STACK_MAX = 64 << 20, 4096, 1 << 30
 
@@ -53,27 +56,89 @@ def smooth(
         EstimationError: the solver failed or its answer is not finite.
     """
     aids = aids or Aids()
-    graph, values = build_graph(track, seed, graph_config, aids, closures)
+    by_gyroscope = calibrated_yaw_rad(track)
+    seeds = [(seed.yaw_rad, seed.gyro_bias_rad_s), (by_gyroscope, seed.gyro_bias_rad_s)]
+    heading = solve_heading(track, seeds, graph_config)
+    near = _composed(track, seed, heading)
+    errors = np.empty(0)
+    for _ in range(_PASSES):
+        graph, values = build_graph(track, near, heading, graph_config, aids, closures)
+        solved, trajectory = _solved(track, near, graph, values, graph_config, solver_config, aids)
+        errors = np.concatenate((errors[:-1], solved.errors))
+        heading = _heading_of(heading, solved.values, trajectory)
+        moved_rad = np.abs(trajectory.yaw_rad - near.yaw_rad).max()
+        near = trajectory
+        if moved_rad < _SETTLED_RAD:  # compass weights and linear factors were of the answer
+            break
+    if not np.isfinite(errors[-1]):
+        raise EstimationError("the smoother diverged: its error is not finite")
+    return Smoothed(
+        trajectory=trajectory,
+        errors=errors,
+        factors=graph.size(),
+        residuals=factor_residuals(graph, solved.values, compass_table(track, trajectory, heading, graph_config)),
+        closures=tuple(closures),
+        device=_device_of(heading, solved),
+    )
+
+
+def _composed(track: StepTrack, seed: Trajectory, heading: HeadingSolution) -> Trajectory:
+    """Places by the headings: where the whole graph starts."""
+    x_m = seed.x_m[0] + np.cumsum(track.length_m * np.cos(heading.yaw_rad))
+    y_m = seed.y_m[0] + np.cumsum(track.length_m * np.sin(heading.yaw_rad))
+    return Trajectory(track.t_s, x_m, y_m, seed.z_m, heading.yaw_rad, heading.bias_rad_s)
+
+
+def _solved(
+    track: StepTrack,
+    near: Trajectory,
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+    graph_config: GraphConfig,
+    solver_config: SolverConfig,
+    aids: Aids,
+) -> tuple[_Solved, Trajectory]:
+    """Solve a graph.
+
+    Raises:
+        EstimationError: neither Cholesky nor QR could.
+    """
     # what hangs on a gap alone, or on sigmas far apart, is more than Cholesky can tell from nothing
     failure: RuntimeError | None = None
     for by_qr in (False, True) if track.chained.all() else (True,):
         try:
             solved = _on_deep_stack(partial(_solve, graph, values, solver_config, by_qr), len(track))
-            trajectory = _trajectory_of(track, solved.values, solved.marginals, graph_config, aids.direction_known)
-            break
+            return solved, _trajectory_of(track, near, solved, graph_config, aids.direction_known)
         except RuntimeError as error:
             failure = error
-    else:
-        raise EstimationError(f"the smoother failed: {_said(failure)}") from failure
-    if not np.isfinite(solved.errors[-1]):
-        raise EstimationError("the smoother diverged: its error is not finite")
-    return Smoothed(
-        trajectory=trajectory,
-        errors=solved.errors,
-        factors=graph.size(),
-        residuals=factor_residuals(graph, solved.values),
-        closures=tuple(closures),
+    raise EstimationError(f"the smoother failed: {_said(failure)}") from failure
+
+
+def _heading_of(heading: HeadingSolution, values: gtsam.Values, trajectory: Trajectory) -> HeadingSolution:
+    """The headings of a solved graph."""
+    return replace(
+        heading,
+        yaw_rad=trajectory.yaw_rad,
+        bias_rad_s=trajectory.gyro_bias_rad_s,
+        gyro_scale=float(values.atVector(B(len(trajectory) - 1))[1]),
+        iron_ut=np.array([values.atVector(I(j)) for j in range(len(heading.iron_ut))])
+        if len(heading.readings)
+        else heading.iron_ut,
     )
+
+
+def _device_of(heading: HeadingSolution, solved: _Solved) -> DeviceErrors:
+    """What the graph found out about the device, with its standard deviations."""
+    last = B(len(heading.yaw_rad) - 1)
+    sigma = float(solved.marginals.marginalCovariance(last)[1, 1]) ** 0.5
+    iron_sigma = np.array(
+        [
+            np.sqrt(np.diag(solved.marginals.marginalCovariance(I(j))))
+            for j in range(len(heading.iron_ut) if len(heading.readings) else 0)
+        ]
+    ).reshape(-1, 3)
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(heading.stretch)) + 1))
+    return DeviceErrors(heading.gyro_scale, sigma, heading.iron_ut[: len(iron_sigma)], iron_sigma, starts)
 
 
 @dataclass(frozen=True)
@@ -136,10 +201,7 @@ def tie_way_back(
     closures = find_closures(smoothed.trajectory, track, turned, config.step_length, config.returning)
     if not closures:
         return smoothed, turned
-    # who turned on the spot by more than half a circle between two steps is unwrapped as in the seed
-    yaw_rad = seed.yaw_rad + wrap_angle(smoothed.trajectory.yaw_rad - seed.yaw_rad)
-    near = replace(smoothed.trajectory, yaw_rad=yaw_rad)
-    return smooth(track, near, config.graph, config.solver, aids, closures), turned
+    return smooth(track, smoothed.trajectory, config.graph, config.solver, aids, closures), turned
 
 
 def _on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
@@ -171,17 +233,14 @@ def _on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
 
 
 def _trajectory_of(
-    track: StepTrack,
-    result: gtsam.Values,
-    marginals: gtsam.Marginals | gtsam.ISAM2,
-    config: GraphConfig,
-    anchored: bool,
+    track: StepTrack, near: Trajectory, solved: _Solved, config: GraphConfig, anchored: bool
 ) -> Trajectory:
     """The breadcrumbs of a solved graph; ``anchored`` says that the walk's own scale and turn are known."""
     count = len(track)
+    result, marginals = solved.values, solved.marginals
     poses = gtsam.utilities.extractPose2(result)
     z_m = np.array([result.atDouble(Z(k)) for k in range(count)])
-    bias = np.array([result.atDouble(B(k)) for k in range(count)])
+    bias = np.array([result.atVector(B(k))[0] for k in range(count)])
     covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])
     sigma_z = np.array([marginals.marginalCovariance(Z(k))[0, 0] for k in range(count)]) ** 0.5
     if np.isfinite(track.altitude_m).any():
@@ -190,12 +249,14 @@ def _trajectory_of(
     covariance = body_to_world(covariance, poses[:, 2])
     if not anchored:
         covariance += walk_covariance(poses, track.sigma_turned_rad, config)
+        covariance += curvature_covariance(track.length_m, poses[:, 2], covariance[:, 2, 2])
     return Trajectory(
         track.t_s,
         poses[:, 0],
         poses[:, 1],
         z_m,
-        np.unwrap(poses[:, 2]),
+        # who turned on the spot by more than half a circle between two steps is unwrapped as before
+        near.yaw_rad + wrap_angle(poses[:, 2] - near.yaw_rad),
         bias,
         cov_xy_yaw=covariance,
         sigma_z_m=sigma_z,

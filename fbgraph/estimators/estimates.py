@@ -17,6 +17,7 @@ FACTOR_KINDS = (
     "heading",
     "bias_drift",
     "compass",
+    "field_strength",
     "barometer",
     "climb",
     "weather",
@@ -51,6 +52,24 @@ class Residuals:
 
 
 @dataclass(frozen=True)
+class DeviceErrors:
+    """What the smoother found out about the device that recorded the walk.
+
+    Attributes:
+        gyro_scale, gyro_scale_sigma: share by which the gyroscope shows too much of a turn.
+        iron_ut, iron_sigma_ut: (J, 3) horizontal components of the device's own iron in the wearer's frame, and the
+            usual horizontal strength of the field, of each stretch between recalibrations; none without a compass.
+        stretch_starts: (J,) breadcrumbs where these begin.
+    """
+
+    gyro_scale: float
+    gyro_scale_sigma: float
+    iron_ut: FloatArray
+    iron_sigma_ut: FloatArray
+    stretch_starts: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
 class Smoothed:
     """A smoothed walk and how the solver got there.
 
@@ -61,6 +80,7 @@ class Smoothed:
         factors: number of factors in the graph.
         residuals: of every factor at the solution, by kind.
         closures: breadcrumbs tied to earlier ones.
+        device: what was found out about the device; None of a walk that was not smoothed.
     """
 
     trajectory: Trajectory
@@ -68,6 +88,7 @@ class Smoothed:
     factors: int
     residuals: tuple[Residuals, ...]
     closures: tuple[Closure, ...] = ()
+    device: DeviceErrors | None = None
 
     @property
     def iterations(self) -> int:

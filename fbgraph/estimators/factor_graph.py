@@ -1,70 +1,63 @@
 """The factor graph: what each step says about the breadcrumbs. Builds factors, never solves.
 
-Node k is a breadcrumb: X(k) Pose2 (x, y, yaw), Z(k) altitude, B(k) gyro bias about the vertical, D(k) drift of air
-pressure: the height of the isobar that ran through the start. A levelled pedestrian has four degrees of freedom; Pose3
-would add two that nothing measures. X(k)'s yaw is the mean walking direction of the step that ends at k, so "moved L
-forward" holds in the frame of k:
+Node k is a breadcrumb: X(k) Pose2 (x, y, yaw), Z(k) altitude, B(k) the gyroscope's bias about the vertical and its
+scale, D(k) drift of air pressure: the height of the isobar that ran through the start. A levelled pedestrian has four
+degrees of freedom; Pose3 would add two that nothing measures. X(k)'s yaw is the mean walking direction of the step that
+ends at k, so "moved L forward" holds in the frame of k. I(j) is the device's own iron and the usual horizontal strength
+of the field, one for each stretch between recalibrations of the magnetometer:
 
     step length     X(k), X(k-1)        kTk-1 = (-L_k, 0), yaw free          BetweenFactorPose2
-    heading         X(k-1), X(k), B(k)  Δyaw + b Δt = gyro increment         LinearContainerFactor(JacobianFactor)
-    bias walk       B(k-1), B(k)        b drifts slowly                      BetweenFactorDouble
-    compass         X(k)                yaw = compass, Huber, by quality     PoseRotationPrior2D
+    heading         X(k-1), X(k), B(k)  Δyaw + b t + s g = g, gyroscope      LinearContainerFactor(JacobianFactor)
+    bias walk       B(k-1), B(k)        bias and scale drift slowly          BetweenFactorVector
+    standing still  B(k)                mean yaw rate of a rest is the bias  LinearContainerFactor(JacobianFactor)
+    compass         X(k), I(j)          yaw and strength without the iron    LinearContainerFactor(JacobianFactor)
+    iron            I(j)                little, Student's t                  PriorFactorVector
+    recalibration   I(j-1), I(j)        the iron jumps as was seen           BetweenFactorVector
     barometer       D(k), Z(k)          altitude above the isobar, Huber     BetweenFactorDouble
     climb           Z(k-1), Z(k)        ~0 in one step                       BetweenFactorDouble
     weather         D(k-1), D(k)        the isobar wanders                   BetweenFactorDouble
-    standing still  B(k)                mean yaw rate of a rest is the bias  PriorFactorDouble
     anchor          X(k)                a known place, Huber                 PoseTranslationPrior2D
     closed walk     X(K)                the end is the start                 PoseTranslationPrior2D
     closure         X(i), X(j)          the same place again, Cauchy         BetweenFactorPose2
 
-A Pose2's yaw is additive in its tangent space, so the linear heading factor is exact, not an approximation.
+A Pose2's yaw is additive in its tangent space, so the linear heading factor is exact, not an approximation. The compass
+is robust by weights that are computed beforehand (``heading_chain``, Huber): GTSAM has no robust linear factor.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, D, X, Z
+from gtsam.symbol_shorthand import B, D, I, X, Z
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import GraphConfig
+from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.aid_factors import add_aids
 from fbgraph.estimators.altitude_chain import AltitudeChain
-from fbgraph.estimators.magnetic_field import FieldMemory
+from fbgraph.estimators.compass_factors import compass_factors, iron_factor, recalibration_factor
+from fbgraph.estimators.gyroscope import GyroTurn, gyro_turn
+from fbgraph.estimators.heading_chain import HeadingSolution
+from fbgraph.estimators.node import Node
 from fbgraph.estimators.noise_models import FIXED, FREE_RAD, sigmas
 from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.records import Closure
 
 _FREE_M = 1000.0
 _YAW_ROW = np.array([[0.0, 0.0, 1.0]])
-
-
-@dataclass(frozen=True, slots=True)
-class Node:
-    """A value of every state of one breadcrumb."""
-
-    x_m: float
-    y_m: float
-    z_m: float
-    yaw_rad: float
-    bias_rad_s: float
-    isobar_m: float = 0.0
-
-    @property
-    def pose(self) -> gtsam.Pose2:
-        """As a gtsam.Pose2."""
-        return gtsam.Pose2(self.x_m, self.y_m, self.yaw_rad)
+_BIAS_ROW = np.array([[1.0, 0.0]])
+_SCALE_WALK = 1e-5  # of the scale from step to step: none, but a system that is well conditioned
 
 
 class GraphBuilder:
     """Turns steps into factors and first values, one step at a time, for batch and online alike.
 
-    It keeps only what a step's factors need from the steps before: the last step and the field's recent usual.
+    It keeps only what a step's factors need from the steps before: the last step. What the compass says is added with
+    ``compass_factors``, as it is to be said anew when more is known of the device's own iron.
     """
 
     def __init__(self, config: GraphConfig, aids: Aids, compass: bool) -> None:
@@ -84,9 +77,7 @@ class GraphBuilder:
         self._sigma_length_rel = math.hypot(config.sigma_length_rel, shared)
         self._k = -1
         self._previous: Step | None = None
-        self._field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
         self._altitude = AltitudeChain(config)
-        self._huber = gtsam.noiseModel.mEstimator.Huber
 
     def add(
         self,
@@ -108,21 +99,21 @@ class GraphBuilder:
         k, previous = self._k, self._previous
         values.insert(X(k), node.pose)
         values.insert(Z(k), node.z_m)
-        values.insert(B(k), node.bias_rad_s)
+        values.insert(B(k), node.gyroscope)
         values.insert(D(k), node.isobar_m)
         if previous is None or previous_node is None:
             self._add_start(node, graph)
         else:
             self._add_length(k, step, previous, graph)
             self._add_heading(k, step, previous, node, previous_node, graph)
-        self._add_compass(k, step, graph)
         self._altitude.add(k, step, previous, graph)
         self._previous = step
 
     def _add_start(self, node: Node, graph: gtsam.NonlinearFactorGraph) -> None:
         sigma = _FREE_M if self._aids.places_known else FIXED
         graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), sigmas(sigma, sigma)))
-        graph.push_back(gtsam.PriorFactorDouble(B(0), 0.0, sigmas(self._config.sigma_bias_rad_s)))
+        model = sigmas(self._config.sigma_bias_rad_s, self._config.sigma_gyro_scale)
+        graph.push_back(gtsam.PriorFactorVector(B(0), np.zeros(2), model))
         sigma = FREE_RAD if self._compass or self._aids.direction_known else FIXED
         graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), sigmas(sigma)))
 
@@ -144,37 +135,29 @@ class GraphBuilder:
         self, k: int, step: Step, previous: Step, node: Node, previous_node: Node, graph: gtsam.NonlinearFactorGraph
     ) -> None:
         config = self._config
-        dt_s = step.yaw_s - previous.yaw_s
+        turn = gyro_turn(previous, step, config)
         if step.chained:
-            increment = step.yaw_gyro_rad - previous.yaw_gyro_rad
-            graph.push_back(heading_factor(k, increment, dt_s, config.sigma_yaw_step_rad, node, previous_node))
-        drift = config.sigma_bias_walk_rad_s * math.sqrt(max(dt_s, 1e-3))
-        graph.push_back(gtsam.BetweenFactorDouble(B(k - 1), B(k), 0.0, sigmas(drift)))
+            graph.push_back(heading_factor(k, turn, node, previous_node))
+        model = sigmas(turn.drift_rad_s, _SCALE_WALK)
+        graph.push_back(gtsam.BetweenFactorVector(B(k - 1), B(k), np.zeros(2), model))
         if step.rest_s > 0:
-            graph.push_back(gtsam.PriorFactorDouble(B(k), step.rest_rate_rad_s, sigmas(step.rest_sigma_rad_s)))
-
-    def _add_compass(self, k: int, step: Step, graph: gtsam.NonlinearFactorGraph) -> None:
-        if not math.isfinite(step.yaw_mag_rad):
-            return
-        config = self._config
-        sigma = config.sigma_mag_rad * math.sqrt(self._field.inflation(step))
-        # compass errors are those of the place: N correlated steps know as much as N (1 - a) / (1 + a) free ones
-        # (information of a first-order Gauss-Markov process with a = exp(-L / correlation length))
-        a = math.exp(-max(step.length_m, 0.05) / config.mag_correlation_m)
-        inflation = math.sqrt((1.0 + a) / (1.0 - a))
-        huber = self._huber.Create(config.mag_huber / inflation)
-        model = gtsam.noiseModel.Robust.Create(huber, sigmas(sigma * inflation))
-        graph.push_back(gtsam.PoseRotationPrior2D(X(k), gtsam.Rot2(step.yaw_mag_rad), model))
+            graph.push_back(rest_factor(k, step, node))
 
 
 def build_graph(
-    track: StepTrack, seed: Trajectory, config: GraphConfig, aids: Aids, closures: Sequence[Closure] = ()
+    track: StepTrack,
+    seed: Trajectory,
+    heading: HeadingSolution,
+    config: GraphConfig,
+    aids: Aids,
+    closures: Sequence[Closure] = (),
 ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
     """The graph of a whole walk, and the first values of its nodes.
 
     Args:
         track: the steps.
         seed: a trajectory near the answer, where the solver starts and headings are linearised.
+        heading: what is known of the device's iron and the gyroscope's scale, and which stretches to tell apart.
         config: weights.
         aids: anchors and a closed end.
         closures: breadcrumbs at the places of earlier ones.
@@ -184,38 +167,67 @@ def build_graph(
     columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))
     previous = None
     for step, row in zip(track.steps, columns.tolist(), strict=True):
-        node = Node(*row)
+        x_m, y_m, z_m, yaw_rad, bias_rad_s = row
+        node = Node(x_m, y_m, z_m, yaw_rad, bias_rad_s, gyro_scale=heading.gyro_scale)
         builder.add(step, node, previous, graph, values)
         previous = node
+    known = np.isfinite(track.yaw_mag_rad)
+    if known.any():
+        _add_compass(graph, values, np.flatnonzero(known), seed.yaw_rad[known], heading, config)
     add_aids(graph, track, aids, closures, config)
     return graph, values
 
 
-def heading_factor(
-    k: int, increment_rad: float, dt_s: float, sigma_rad: float, node: Node, previous: Node
-) -> gtsam.LinearContainerFactor:
-    """The EKF's prediction as a factor: (θ_k - θ_{k-1}) + b_k Δt = gyroscope increment.
+def _add_compass(
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+    k: IntArray,
+    yaw_rad: FloatArray,
+    heading: HeadingSolution,
+    config: GraphConfig,
+) -> None:
+    """Add what the compass said on a whole walk, and the iron of its device.
+
+    Args:
+        graph, values: extended in place.
+        k: (N,) breadcrumbs of which the magnetometer was heard.
+        yaw_rad: (N,) their headings, where the factors are linearised and judged.
+        heading: readings and iron.
+        config: weights.
+    """
+    for j, iron_ut in enumerate(heading.iron_ut):
+        values.insert(I(j), iron_ut)
+        graph.push_back(iron_factor(j, iron_ut, heading.usual_ut, config))
+        if j > 0:
+            graph.push_back(recalibration_factor(j, heading.jumps_ut[j - 1], config))
+    for factor in compass_factors(k, heading.readings, yaw_rad, heading.stretch[k], heading.iron_ut, config):
+        graph.push_back(factor)
+
+
+def heading_factor(k: int, turn: GyroTurn, node: Node, previous: Node) -> gtsam.LinearContainerFactor:
+    """The EKF's prediction as a factor: (θ_k - θ_{k-1}) + b_k t + s g = g, what the gyroscope turned.
 
     Args:
         k: index of the later breadcrumb.
-        increment_rad: what the gyroscope integrated between the middles of the two steps, its bias still in it.
-        dt_s: time between these middles.
-        sigma_rad: standard deviation of the increment.
+        turn: by the gyroscope, between the middles of the two steps.
         node, previous: linearisation point; the true yaw must lie within π of it, nothing else depends on it.
     """
-    residual = increment_rad - (node.yaw_rad - previous.yaw_rad) - node.bias_rad_s * dt_s
+    by_gyroscope = np.array([[turn.moving_s, turn.turned_rad]])
+    residual = turn.turned_rad - (node.yaw_rad - previous.yaw_rad) - by_gyroscope @ node.gyroscope
     jacobian = gtsam.JacobianFactor(
-        X(k - 1),
-        -_YAW_ROW,
-        X(k),
-        _YAW_ROW,
-        B(k),
-        np.array([[dt_s]]),
-        np.array([residual]),
-        sigmas(sigma_rad),
+        X(k - 1), -_YAW_ROW, X(k), _YAW_ROW, B(k), by_gyroscope, residual, sigmas(turn.sigma_rad)
     )
     point = gtsam.Values()
     point.insert(X(k - 1), previous.pose)
     point.insert(X(k), node.pose)
-    point.insert(B(k), node.bias_rad_s)
+    point.insert(B(k), node.gyroscope)
+    return gtsam.LinearContainerFactor(jacobian, point)
+
+
+def rest_factor(k: int, step: Step, node: Node) -> gtsam.LinearContainerFactor:
+    """The mean yaw rate of a rest is the bias."""
+    residual = np.array([step.rest_rate_rad_s - node.bias_rad_s])
+    jacobian = gtsam.JacobianFactor(B(k), _BIAS_ROW, residual, sigmas(step.rest_sigma_rad_s))
+    point = gtsam.Values()
+    point.insert(B(k), node.gyroscope)
     return gtsam.LinearContainerFactor(jacobian, point)

@@ -13,13 +13,16 @@ from contextlib import contextmanager
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, D, X, Z
+from gtsam.symbol_shorthand import B, D, I, X, Z
 
-from fbgraph.core.config import OnlineConfig
+from fbgraph.core.config import GraphConfig, OnlineConfig
 from fbgraph.core.errors import EstimationError
-from fbgraph.core.geometry import wrap_scalar
+from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.estimators.aid_factors import closure_factor, closure_prior
-from fbgraph.estimators.factor_graph import Node
+from fbgraph.estimators.compass_window import CompassWindow
+from fbgraph.estimators.heading_chain import HeadingSolution
+from fbgraph.estimators.node import Node
+from fbgraph.front_end.step_track import Step
 from fbgraph.way_back.records import Closure
 
 _KEEP = 1e6  # a relinearisation threshold that is never reached: positions and biases are linear given yaw
@@ -36,48 +39,73 @@ class IsamWindow:
         closures: all so far.
     """
 
-    def __init__(self, config: OnlineConfig, places_known: bool) -> None:
+    def __init__(self, config: OnlineConfig, graph_config: GraphConfig, places_known: bool) -> None:
         """An empty window.
 
         Args:
             config: its size, and iSAM2's thresholds.
+            graph_config: weights of the compass.
             places_known: whether anchors will come: then places are no longer linear given yaw.
         """
         self._config = config
         self._places_known = places_known
-        self._graphs: list[gtsam.NonlinearFactorGraph] = []  # the factors that came with each breadcrumb of the window
+        self._graphs: list[gtsam.NonlinearFactorGraph] = []  # what came with each breadcrumb of the window
+        self._compass = CompassWindow(graph_config)  # but for the compass
         self._after_gaps: list[int] = []  # breadcrumbs before which the log was silent
         self._isam = self._new_isam()
         self.first = 0
         self.nodes: list[Node] = []
         self.closures: list[Closure] = []
 
-    def add(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, node: Node, *, chained: bool = True) -> Node:
+    def add(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, node: Node, step: Step) -> Node:
         """Take the next breadcrumb and return it as solved.
 
         Args:
-            graph: the factors that come with it.
+            graph: the factors that come with it, without the compass.
             values: its first values.
             node: the same.
-            chained: whether the log had no gap before it.
+            step: the step that ends there.
 
         Raises:
             EstimationError: the solver failed.
         """
         k = len(self.nodes)
-        if not chained:
+        if not step.chained:
             self._after_gaps.append(k)
             self._rebuild(self.first, self._isam.calculateBestEstimate())  # by QR from now on
         self.nodes.append(node)
         self._graphs.append(graph)
+        with_compass = gtsam.NonlinearFactorGraph(graph)
+        self._compass.hear(k, step, node, with_compass, values)
         with _solving(f"step {k}"):
-            self._isam.update(graph, values)
-            pose = self._isam.calculateEstimatePose2(X(k))
-            rest = (self._isam.calculateEstimateDouble(key) for key in (Z(k), B(k), D(k)))
-        solved = self.nodes[k] = _near(node.yaw_rad, pose, *rest)
+            self._isam.update(with_compass, values)
+            pose, b = self._isam.calculateEstimatePose2(X(k)), self._isam.calculateEstimateVector(B(k))
+            z_m, isobar_m = (self._isam.calculateEstimateDouble(key) for key in (Z(k), D(k)))
+        self.nodes[k] = _near(node.yaw_rad, pose, z_m, b, isobar_m)
         if len(self._graphs) >= 2 * self._config.window_steps:
             self._shorten()
-        return solved
+        elif self._compass.iron_ut and self._compass.stale(k, self._iron()):
+            self.refresh()
+            self._rebuild(self.first, self._isam.calculateBestEstimate())
+        return self.nodes[k]
+
+    def _iron(self) -> FloatArray:
+        """(3,) iron and strength of the latest stretch, as believed now."""
+        return np.asarray(self._isam.calculateEstimateVector(I(len(self._compass.iron_ut) - 1)))
+
+    def recalibrate(self, heading: HeadingSolution) -> None:
+        """Believe that the magnetometer's zero jumped within the window.
+
+        Args:
+            heading: of the breadcrumbs in the window, its jumps believed.
+
+        Raises:
+            EstimationError: the solver failed.
+        """
+        starts = np.flatnonzero(np.diff(heading.stretch)) + 1 + self.first
+        self._compass.recalibrated(starts.tolist(), heading.jumps_ut, heading.iron_ut)
+        self.refresh()
+        self._rebuild(self.first, self._isam.calculateBestEstimate())
 
     def close(self, closures: Iterable[Closure]) -> None:
         """Add closures; where the earlier breadcrumb has left the window, it is fixed.
@@ -106,7 +134,13 @@ class IsamWindow:
     def _read(self, result: gtsam.Values) -> list[Node]:
         """The window's breadcrumbs of an estimate, each yaw unwrapped to lie near the one known before."""
         return [
-            _near(self.nodes[k].yaw_rad, result.atPose2(X(k)), *(result.atDouble(key) for key in (Z(k), B(k), D(k))))
+            _near(
+                self.nodes[k].yaw_rad,
+                result.atPose2(X(k)),
+                result.atDouble(Z(k)),
+                result.atVector(B(k)),
+                result.atDouble(D(k)),
+            )
             for k in range(self.first, len(self.nodes))
         ]
 
@@ -124,6 +158,7 @@ class IsamWindow:
         split = join - self.first + 1  # factors that come with the join itself look back from it
         prior = self._eliminated(self._graphs[:split], join, result)
         self._graphs = [prior, *self._graphs[split:]]
+        self._compass.forget(join)
         self._rebuild(join, result)
 
     def _rebuild(self, first: int, result: gtsam.Values) -> None:
@@ -131,13 +166,19 @@ class IsamWindow:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for part in self._graphs:
             graph.push_back(part)
+        last = len(self.nodes) - 1
+        self._compass.moved(last, result, first)
+        for factor in self._compass.again(self.nodes, first, last):
+            graph.push_back(factor)
+        for j in self._compass.stretches(first):
+            values.insert(I(j), self._compass.iron_ut[j])
         for closure in self.closures:
             if closure.j > first:
                 graph.push_back(self._closure_factor(closure, first))
         for k in range(first, len(self.nodes)):
             values.insert(X(k), result.atPose2(X(k)))
             values.insert(Z(k), result.atDouble(Z(k)))
-            values.insert(B(k), result.atDouble(B(k)))
+            values.insert(B(k), result.atVector(B(k)))
             values.insert(D(k), result.atDouble(D(k)))
         self.first = first
         self._isam = self._new_isam()
@@ -154,12 +195,19 @@ class IsamWindow:
         for closure in self.closures:
             if self.first < closure.j <= join:
                 older.push_back(self._closure_factor(closure, self.first))
+        for factor in self._compass.again(self.nodes, self.first, join):
+            older.push_back(factor)
         gone = gtsam.Ordering()
+        iron = self._compass.stretch_of(join)
+        for j in self._compass.stretches(self.first):
+            if iron is not None and j < iron:
+                gone.push_back(I(j))
         for k in range(self.first, join):
             for key in (X(k), Z(k), B(k), D(k)):
                 gone.push_back(key)
         if any(self.first < k <= join for k in self._after_gaps):
-            return _eliminated_by_qr(older.linearize(result), gone, join, result)
+            kept = {X(join): 3, Z(join): 1, B(join): 2, D(join): 1, **({} if iron is None else {I(iron): 3})}
+            return _eliminated_by_qr(older.linearize(result), gone, kept, result)
         _, remaining = older.linearize(result).eliminatePartialSequential(gone)
         prior = gtsam.NonlinearFactorGraph()
         for i in range(remaining.size()):
@@ -179,7 +227,8 @@ class IsamWindow:
         place = _ANCHORED_M if self._places_known else _KEEP
         thresholds.insert(("x", np.array([place, place, config.relinearize_yaw_rad])))
         thresholds.insert(("z", np.array([_AIRED_M])))
-        thresholds.insert(("b", np.array([_KEEP])))
+        thresholds.insert(("b", np.array([_KEEP, _KEEP])))
+        thresholds.insert(("i", np.array([_KEEP, _KEEP, _KEEP])))
         thresholds.insert(("d", np.array([_AIRED_M])))
         params.setRelinearizeThreshold(thresholds)
         params.relinearizeSkip = config.relinearize_skip
@@ -196,10 +245,9 @@ def _solving(where: str) -> Iterator[None]:
 
 
 def _eliminated_by_qr(
-    linear: gtsam.GaussianFactorGraph, gone: gtsam.Ordering, join: int, result: gtsam.Values
+    linear: gtsam.GaussianFactorGraph, gone: gtsam.Ordering, kept: dict[int, int], result: gtsam.Values
 ) -> gtsam.NonlinearFactorGraph:
-    """What linear factors say of breadcrumb ``join`` alone, by a dense QR decomposition."""
-    kept = {X(join): 3, Z(join): 1, B(join): 1, D(join): 1}  # and how many numbers each is
+    """What linear factors say of the states that are kept, of so many numbers each, by a dense QR decomposition."""
     for key in kept:
         gone.push_back(key)
     a, b = linear.jacobian(gone)
@@ -215,6 +263,7 @@ def _eliminated_by_qr(
     return prior
 
 
-def _near(yaw_rad: float, pose: gtsam.Pose2, z_m: float, bias_rad_s: float, isobar_m: float) -> Node:
+def _near(yaw_rad: float, pose: gtsam.Pose2, z_m: float, gyroscope: FloatArray, isobar_m: float) -> Node:
     """A breadcrumb as solved, its yaw unwrapped to lie near the one given."""
-    return Node(pose.x(), pose.y(), z_m, yaw_rad + wrap_scalar(pose.theta() - yaw_rad), bias_rad_s, isobar_m)
+    yaw_rad += wrap_scalar(pose.theta() - yaw_rad)
+    return Node(pose.x(), pose.y(), z_m, yaw_rad, float(gyroscope[0]), isobar_m, float(gyroscope[1]))

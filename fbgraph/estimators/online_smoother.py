@@ -20,12 +20,17 @@ from fbgraph.core.trajectory import Breadcrumb, Trajectory
 from fbgraph.estimators.aid_factors import anchor_factor
 from fbgraph.estimators.batch_smoother import smooth, tie_way_back
 from fbgraph.estimators.estimates import Belief, Smoothed, Update
-from fbgraph.estimators.factor_graph import GraphBuilder, Node
+from fbgraph.estimators.factor_graph import GraphBuilder
+from fbgraph.estimators.gyroscope import gyro_turn
+from fbgraph.estimators.heading_chain import solve_heading
 from fbgraph.estimators.isam_window import IsamWindow
+from fbgraph.estimators.node import Node
 from fbgraph.front_end.detect_steps import FrontEnd
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.records import Closure, ReturnUpdate, TurnBack
+
+_JUDGED_AFTER = (12, 25, 50, 100)  # steps
 
 
 class Companion(Protocol):
@@ -74,8 +79,9 @@ class OnlineSmoother:
         self._believe_steps = believe_steps
         self._front_end = FrontEnd(config)
         self._builder: GraphBuilder | None = None  # made with the first steps
-        self._window = IsamWindow(config.online, self._aids.places_known)
+        self._window = IsamWindow(config.online, config.graph, self._aids.places_known)
         self._next_anchor = 0
+        self._jumped: list[int] = []  # breadcrumbs where the magnetometer's zero seems to
         self._steps: list[Step] = []
         self._updates: list[Update] = []
         self.turn_back: TurnBack | None = None
@@ -173,7 +179,8 @@ class OnlineSmoother:
         self._steps.append(step)
         for factor in self._anchors_due(step.t_s):
             graph.push_back(factor)
-        node = self._window.add(graph, values, node, chained=step.chained)
+        node = self._window.add(graph, values, node, step)
+        self._judge_jump(k, step)
         walked_m = (self._updates[-1].distance_m if self._updates else 0.0) + step.length_m
         update = Update(k, step.t_s, node.x_m, node.y_m, node.z_m, node.yaw_rad, node.bias_rad_s, walked_m)
         if self._companion is not None:
@@ -185,18 +192,32 @@ class OnlineSmoother:
             self.beliefs.append(self.belief())
         return update
 
+    def _judge_jump(self, k: int, step: Step) -> None:
+        """Where the magnetometer's zero seems to have jumped, ask some steps later whether that explains the walk."""
+        if step.jump_x_ut or step.jump_y_ut:
+            self._jumped.append(k)
+        due = [at for at in self._jumped if k - at in _JUDGED_AFTER and at > self._window.first]
+        if not due:
+            return
+        known = self._window.refresh()[self._window.first :]
+        seed = np.array([node.yaw_rad for node in known]), np.array([node.bias_rad_s for node in known])
+        heading = solve_heading(StepTrack(self._steps[self._window.first :]), [seed], self._config.graph)
+        if len(heading.jumps_ut):
+            self._window.recalibrate(heading)
+
     def _seed(self, step: Step) -> Node:
         """Where the next breadcrumb should be, by dead reckoning from iSAM2's latest estimate."""
         previous, before = self._window.nodes[-1], self._steps[-1]
         turned = 0.0
         if step.chained:
-            turned = step.yaw_gyro_rad - before.yaw_gyro_rad - previous.bias_rad_s * (step.yaw_s - before.yaw_s)
+            turn = gyro_turn(before, step, self._config.graph)
+            turned = (1.0 - previous.gyro_scale) * turn.turned_rad - previous.bias_rad_s * turn.moving_s
         elif math.isfinite(step.yaw_mag_rad):
             turned = wrap_scalar(step.yaw_mag_rad - previous.yaw_rad)
         yaw = previous.yaw_rad + turned
         x_m = previous.x_m + step.length_m * math.cos(yaw)
         y_m = previous.y_m + step.length_m * math.sin(yaw)
-        return Node(x_m, y_m, previous.z_m, yaw, previous.bias_rad_s, previous.isobar_m)
+        return Node(x_m, y_m, previous.z_m, yaw, previous.bias_rad_s, previous.isobar_m, previous.gyro_scale)
 
     def _anchors_due(self, now_s: float) -> list[gtsam.PoseTranslationPrior2D]:
         """Factors of the anchors whose time has come, at the breadcrumb nearest in time as in the batch graph."""

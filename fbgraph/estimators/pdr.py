@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
+from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.front_end.step_track import StepTrack
 
@@ -18,12 +19,17 @@ def dead_reckon(track: StepTrack, config: StepLengthConfig) -> Trajectory:
     calibration stage (the first rest, if there was one), started at the compass. Neither turns while the log is silent.
     The baseline has no altitude: z stays 0.
     """
-    silent_s = np.cumsum(np.where(track.chained == 0, np.diff(track.yaw_s, prepend=track.yaw_s[0]), 0.0))
-    yaw = track.yaw_gyro_rad - calibration_bias_rad_s(track) * (track.yaw_s - track.yaw_s[0] - silent_s)
-    yaw = yaw - yaw[0] + first_compass_yaw_rad(track)
+    yaw = calibrated_yaw_rad(track)
     length = np.where(track.length_m > 0, config.constant_m, 0.0)
     zeros = np.zeros(len(track))
     return Trajectory(track.t_s, np.cumsum(length * np.cos(yaw)), np.cumsum(length * np.sin(yaw)), zeros, yaw, zeros)
+
+
+def calibrated_yaw_rad(track: StepTrack) -> FloatArray:
+    """(K+1,) heading of the gyroscope less the calibration stage's bias, started at the compass, still where silent."""
+    silent_s = np.cumsum(np.where(track.chained == 0, np.diff(track.yaw_s, prepend=track.yaw_s[0]), 0.0))
+    yaw = track.yaw_gyro_rad - calibration_bias_rad_s(track) * (track.yaw_s - track.yaw_s[0] - silent_s)
+    return np.asarray(yaw - yaw[0] + first_compass_yaw_rad(track))
 
 
 def calibration_bias_rad_s(track: StepTrack) -> float:

@@ -24,6 +24,8 @@ class LevelledSignals:
         mag_norm_ut: (N,) strength of the field, nan where unknown.
         mag_dip_rad: (N,) angle of the field below the horizon, nan where unknown.
         altitude_m: (N,) by the standard atmosphere; nan before the first barometer sample.
+        field_jump_ut: (N, 2) by how much the magnetometer's zero has jumped, where that became certain: horizontal,
+            turned by minus the direction of North, as ``estimators.compass`` has the field; zeros elsewhere.
         still: (N,) whether the device has been standing still for the whole still window.
     """
 
@@ -38,6 +40,7 @@ class LevelledSignals:
     mag_norm_ut: FloatArray
     mag_dip_rad: FloatArray
     altitude_m: FloatArray
+    field_jump_ut: FloatArray
     still: BoolArray
 
     def __len__(self) -> int:

@@ -13,6 +13,7 @@ from fbgraph.core.atmosphere import pressure_altitude_m
 from fbgraph.core.config import AttitudeConfig, DeviceConfig
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray, rotate, wrap_angle
 from fbgraph.core.sensor_log import SensorLog, Stream, empty_stream
+from fbgraph.front_end.field_jumps import FieldJumps
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.running_sums import IntervalMean, WindowMoments, interp_columns
 
@@ -42,6 +43,8 @@ class Leveller:
         window = max(round(config.still_window_s * config.rate_hz), 2)
         self._still_window = window
         self._still = WindowMoments(4, window)
+        self._jumps = FieldJumps()
+        self._levelled_s = -np.inf
 
     def feed(self, piece: SensorLog) -> LevelledSignals:
         """Take the next samples and return what became certain by them.
@@ -140,8 +143,24 @@ class Leveller:
             mag_norm_ut=np.sqrt((mag_b**2).sum(axis=1)),
             mag_dip_rad=np.arctan2(-mag_n[:, 2], mag_horizontal),
             altitude_m=_hold(self._altitude, t_s),
+            field_jump_ut=self._field_jumps(t_s, mag_n, yaw_vqf),
             still=self._stillness(np.concatenate((acc_norm[:, None], gyro_b), axis=1)),
         )
+
+    def _field_jumps(self, t_s: FloatArray, mag_n: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+        """(N, 2) jumps of the magnetometer's zero where they became certain, in the frame of ``compass``."""
+        jumps = np.zeros((len(t_s), 2))
+        if len(t_s) == 0:
+            return jumps
+        # looked for at the magnetometer's samples, not between them
+        sampled = self._mag.t_s[(self._mag.t_s > self._levelled_s) & (self._mag.t_s <= t_s[-1])]
+        self._levelled_s = float(t_s[-1])
+        at = np.unique(np.searchsorted(t_s, sampled))
+        at = at[np.isfinite(mag_n[at, 0])]
+        cos, sin = np.cos(self._north_rad), np.sin(self._north_rad)
+        for known_s, ahead, left in self._jumps.push(t_s[at], mag_n[at], yaw_rad[at]):
+            jumps[np.searchsorted(t_s, known_s)] = (cos * ahead + sin * left, cos * left - sin * ahead)
+        return jumps
 
     def _unwrap(self, yaw_wrapped: FloatArray) -> FloatArray:
         if len(yaw_wrapped) == 0:

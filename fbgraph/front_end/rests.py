@@ -3,24 +3,45 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from fbgraph.core.geometry import FloatArray
+from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.front_end.levelled_signals import LevelledSignals
 
 _REST_TRIM_S = 0.75
 _REST_FLOOR_RAD_S = 2e-4  # no rest tells the bias better than this
 _SWAY_RAD = 0.03  # a hand that holds still turns by this much
 _UNSETTLED_RAD = 0.04  # the compass's error just after walking, before the tilt has settled
-_REST_LIMIT_S = 60.0  # of a longer rest only the last minute is kept
+_REST_LIMIT_S = 60.0  # of a longer rest only the last minute tells the bias at its end
+_END_S = 1.5  # over which the angle at either end of a rest is taken
+_STILL_S = 60.0  # a hand that holds still wanders further the longer it does
+_COMPASS_RAD = 0.02  # of a compass at rest, over an end
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What standing still told; of several rests between two steps, all of them together.
+
+    Attributes:
+        rate_rad_s, sigma_rad_s: the gyroscope's bias about the vertical at its end, and standard deviation.
+        duration_s: its length, without the ends that were left out.
+        drift_rad, drift_sigma_rad: what the bias added to the gyroscope's angle meanwhile, and standard deviation.
+    """
+
+    rate_rad_s: float = math.nan
+    sigma_rad_s: float = math.nan
+    duration_s: float = 0.0
+    drift_rad: float = 0.0
+    drift_sigma_rad: float = 0.0
 
 
 class Rests:
     """Standing still, and what the yaw rate then was: the gyroscope's bias about the vertical.
 
     A hand never holds quite still, but at one place the compass turns exactly as the hand does, whatever iron is near:
-    the slope of (gyroscope - compass) over a rest is the bias.
+    the slope of (gyroscope - compass) over a rest is the bias, and its change from begin to end what the bias added.
     """
 
     def __init__(self, rate_hz: float, settle_s: float) -> None:
@@ -29,8 +50,9 @@ class Rests:
         self._settle_s = settle_s
         self._moved = False
         self._limit = int(_REST_LIMIT_S * rate_hz)
-        self._t_s = self._yaw_gyro = self._yaw_mag = np.empty(0)
-        self._done: list[tuple[int, float, float, float]] = []  # end index, rate, sigma, duration
+        self._begin_limit = int((2 * settle_s + _END_S) * rate_hz)
+        self._begin = self._last = np.empty((0, 3))  # time, yaw by gyroscope, yaw by compass: of its begin and end
+        self._done: list[tuple[int, Rest]] = []  # the grid index where each ended
         self._last_index: int | None = None
         self._breaks: list[int] = []  # the last grid index before every gap of the log
 
@@ -43,9 +65,8 @@ class Rests:
         holes = np.flatnonzero(index[1:] - index[:-1] > 1)
         self._breaks += index[holes].tolist()
         self._last_index = int(signals.index[-1])
-        after_holes = set(
-            (holes + 1 - new).tolist()
-        )  # where a rest goes on after a gap, nobody knows what went on in it
+        # where a rest goes on after a gap, nobody knows what went on in it
+        after_holes = set((holes + 1 - new).tolist())
         edges = np.union1d(
             np.flatnonzero(signals.still[1:] != signals.still[:-1]) + 1, [h for h in after_holes if h > 0]
         )
@@ -54,48 +75,87 @@ class Rests:
             if lo in after_holes:
                 self._close(int(signals.index[lo]))
             if signals.still[lo]:
-                self._t_s = np.concatenate((self._t_s, signals.t_s[lo:hi]))[-self._limit :]
-                self._yaw_gyro = np.concatenate((self._yaw_gyro, signals.yaw_gyro_rad[lo:hi]))[-self._limit :]
-                self._yaw_mag = np.concatenate((self._yaw_mag, signals.yaw_mag_rad[lo:hi]))[-self._limit :]
+                self._keep(signals, lo, hi)
             else:
                 self._close(int(signals.index[lo]))
                 # (at the log's start it takes a while until the window can tell)
                 self._moved |= bool(signals.index[hi - 1] > 2 * self._rate_hz)
 
+    def _keep(self, signals: LevelledSignals, lo: int, hi: int) -> None:
+        rows = np.column_stack((signals.t_s[lo:hi], signals.yaw_gyro_rad[lo:hi], signals.yaw_mag_rad[lo:hi]))
+        self._begin = np.concatenate((self._begin, rows[: max(self._begin_limit - len(self._begin), 0)]))
+        self._last = np.concatenate((self._last, rows))[-self._limit :]
+
     def _close(self, index: int) -> None:
-        if len(self._t_s) == 0:
+        begin, last = self._begin, self._last
+        if len(last) == 0:
             return
+        self._begin = self._last = np.empty((0, 3))
+        moved, self._moved = self._moved, True
         # the window calls a rest over only after the first movement; and after walking the tilt, and with it the
         # compass, takes a while to settle: leave both out
-        begin = min(2 * self._settle_s, 0.4 * len(self._t_s) / self._rate_hz) if self._moved else 0.0
-        unsettled_rad = _UNSETTLED_RAD * math.exp(-begin / self._settle_s) if self._moved else 0.0
-        lo, hi = int(begin * self._rate_hz), len(self._t_s) - int(_REST_TRIM_S * self._rate_hz)
-        t_s, yaw_gyro, yaw_mag = self._t_s[lo:hi], self._yaw_gyro[lo:hi], self._yaw_mag[lo:hi]
-        self._moved = True
-        self._t_s = self._yaw_gyro = self._yaw_mag = np.empty(0)
-        if hi - lo < self._rate_hz:
+        duration_s = float(last[-1, 0] - begin[0, 0])
+        settling_s = min(2 * self._settle_s, 0.4 * duration_s) if moved else 0.0
+        unsettled_rad = _UNSETTLED_RAD * math.exp(-settling_s / self._settle_s) if moved else 0.0
+        since_s, until_s = begin[0, 0] + settling_s, last[-1, 0] - _REST_TRIM_S
+        if until_s - since_s < 1.0:
             return
-        rate, sigma = _slope_of(t_s, yaw_gyro, _SWAY_RAD)
-        if np.isfinite(yaw_mag).all():
-            relative, sigma_relative = _slope_of(t_s, np.unwrap(yaw_gyro - yaw_mag), unsettled_rad)
+        begin, last = (rows[(rows[:, 0] >= since_s) & (rows[:, 0] <= until_s)] for rows in (begin, last))
+        rate, sigma = _slope_of(last[:, 0], last[:, 1], _SWAY_RAD)
+        if np.isfinite(last[:, 2]).all():
+            relative, sigma_relative = _slope_of(last[:, 0], np.unwrap(last[:, 1] - last[:, 2]), unsettled_rad)
             weight = sigma**2 / (sigma**2 + sigma_relative**2)
             rate, sigma = rate + weight * (relative - rate), sigma * sigma_relative / math.hypot(sigma, sigma_relative)
-        self._done.append((index, rate, sigma, float(t_s[-1] - t_s[0])))
+        drift, drift_sigma = _drift(begin, last, unsettled_rad)
+        self._done.append((index, Rest(rate, sigma, float(last[-1, 0] - begin[0, 0]), drift, drift_sigma)))
 
-    def take(self, before_index: int) -> tuple[float, float, float]:
-        """Rate, sigma, duration of the rests that ended before this index and were not taken yet."""
-        ended = [rest for rest in self._done if rest[0] <= before_index]
-        self._done = [rest for rest in self._done if rest[0] > before_index]
+    def take(self, before_index: int) -> Rest:
+        """The rests that ended before this index and were not taken yet, as one."""
+        ended = [rest for index, rest in self._done if index <= before_index]
+        self._done = [(index, rest) for index, rest in self._done if index > before_index]
         if not ended:
-            return float("nan"), float("nan"), 0.0
-        weights = np.array([1.0 / rest[2] ** 2 for rest in ended])
-        rates = np.array([rest[1] for rest in ended])
+            return Rest()
+        weights = np.array([1.0 / rest.sigma_rad_s**2 for rest in ended])
+        rates = np.array([rest.rate_rad_s for rest in ended])
         total = float(weights.sum())
-        return float((weights * rates).sum() / total), total**-0.5, sum(rest[3] for rest in ended)
+        return Rest(
+            float((weights * rates).sum() / total),
+            total**-0.5,
+            sum(rest.duration_s for rest in ended),
+            sum(rest.drift_rad for rest in ended),
+            math.hypot(*(rest.drift_sigma_rad for rest in ended)),
+        )
 
     def unbroken_between(self, first: int, last: int) -> bool:
         """Whether the log has no gap between two grid indices."""
         return not any(first <= before < last for before in self._breaks)
+
+
+def _drift(begin: FloatArray, last: FloatArray, unsettled_rad: float) -> tuple[float, float]:
+    """What the bias added to the gyroscope's angle over a rest, and its standard deviation.
+
+    By the hand, which holds still; and by the compass, which turns as the hand does.
+
+    Args:
+        begin, last: (N, 3) time, yaw by gyroscope, yaw by compass, of the first and the last part of the rest.
+        unsettled_rad: how wrong the compass still was at its begin.
+    """
+    first, final = begin[begin[:, 0] <= begin[0, 0] + _END_S], last[last[:, 0] >= last[-1, 0] - _END_S]
+    span_s = float(last[-1, 0] - begin[0, 0])
+    # both ends are means over a second or two, taken at their middles: what lies outside counts at the same rate
+    between_s = float(final[:, 0].mean() - first[:, 0].mean())
+    stretch = span_s / max(between_s, 0.5 * span_s)
+    by_gyro = float(final[:, 1].mean() - first[:, 1].mean())
+    still_sigma = _SWAY_RAD * math.sqrt(1.0 + span_s / _STILL_S)
+    turns = np.concatenate((first[:, 2], final[:, 2]))
+    if not np.isfinite(turns).all():
+        return by_gyro * stretch, still_sigma
+    ends = [math.atan2(float(np.sin(part[:, 2]).mean()), float(np.cos(part[:, 2]).mean())) for part in (first, final)]
+    turned = wrap_scalar(ends[1] - ends[0])
+    compass_sigma = math.hypot(unsettled_rad, _COMPASS_RAD)
+    weight = still_sigma**2 / (still_sigma**2 + compass_sigma**2)
+    sigma = max(math.sqrt(weight) * compass_sigma, (1.0 - weight) * abs(turned))
+    return (by_gyro - weight * turned) * stretch, sigma
 
 
 def _slope_of(t_s: FloatArray, angle_rad: FloatArray, systematic_rad: float) -> tuple[float, float]:

@@ -12,7 +12,8 @@ from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
-from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step, flat_length_m
+from fbgraph.front_end.step_length import flat_length_m
+from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step
 
 _ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
 
@@ -47,6 +48,8 @@ class StepGauge:
             step = self._gait.told(step, self._signals, peak)
             if first_of_walk:
                 steps.append(_standing_start(step, self._altitude_before(peak)))
+                # a rest before the walk tells the bias, but no turn between two steps
+                step = replace(step, rest_drift_rad=0.0, rest_drift_sigma_rad=0.0, jump_x_ut=0.0, jump_y_ut=0.0)
             steps.append(step)
             self._last_end, self._last_interval = peak.index, interval
         return steps
@@ -67,7 +70,7 @@ class StepGauge:
         bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
         slope = self._slope(signals, hi, frequency_hz, bounce)
         length = flat_length_m(self._length, frequency_hz, bounce) + self._length.gamma_m * slope
-        rest_rate, rest_sigma, rest_s = self._rests.take(peak.index)
+        rest = self._rests.take(peak.index)
         # a hole in the index between this step and the one before is a gap in the log
         since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
         chained = bool(signals.index[hi - 1] - signals.index[since] == hi - 1 - since)
@@ -89,9 +92,13 @@ class StepGauge:
             mag_dip_rad=_mean_finite(signals.mag_dip_rad[lo:hi]),
             altitude_m=_mean_finite(signals.altitude_m[lo:hi]),
             chained=chained,
-            rest_rate_rad_s=rest_rate,
-            rest_sigma_rad_s=rest_sigma,
-            rest_s=rest_s,
+            rest_rate_rad_s=rest.rate_rad_s,
+            rest_sigma_rad_s=rest.sigma_rad_s,
+            rest_s=rest.duration_s,
+            rest_drift_rad=rest.drift_rad,
+            rest_drift_sigma_rad=rest.drift_sigma_rad,
+            jump_x_ut=float(signals.field_jump_ut[since + 1 : hi, 0].sum()),
+            jump_y_ut=float(signals.field_jump_ut[since + 1 : hi, 1].sum()),
         )
 
     def _altitude_before(self, peak: Peak) -> float:
@@ -135,6 +142,10 @@ def _standing_start(first: Step, altitude_m: float) -> Step:
         rest_rate_rad_s=math.nan,
         rest_sigma_rad_s=math.nan,
         rest_s=0.0,
+        rest_drift_rad=0.0,
+        rest_drift_sigma_rad=0.0,
+        jump_x_ut=0.0,
+        jump_y_ut=0.0,
     )
 
 

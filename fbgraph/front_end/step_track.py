@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray
 
 LOOK_BACK_S = 12.0
@@ -68,6 +67,15 @@ class Step:
     """Its standard deviation."""
     rest_s: float
     """How long that rest was, 0 if there was none."""
+    rest_drift_rad: float
+    """What the bias added to the gyroscope's angle during that rest."""
+    rest_drift_sigma_rad: float
+    """Its standard deviation."""
+    jump_x_ut: float
+    """By how much the magnetometer's zero jumped since the step before, as the device calibrated it anew or a magnet
+    came to stay: horizontal component along (cos m, -sin m) at m = 0 (``estimators.compass``)."""
+    jump_y_ut: float
+    """The other horizontal component."""
     gait_yaw_rad: float = math.nan
     """Which way the legs push, left of the device's forward, by this step and the one before (``gait_direction``)."""
     push_m_s2: float = math.nan
@@ -104,8 +112,3 @@ class StepTrack:
         if name not in self._columns:
             self._columns[name] = np.array([getattr(step, name) for step in self.steps], dtype=float)
         return self._columns[name]
-
-
-def flat_length_m(config: StepLengthConfig, frequency_hz: float, bounce_m_s2: float) -> float:
-    """Length of a step on the level: α + β f (paper) + κ bounce^(1/4) (Weinberg)."""
-    return float(config.alpha_m + config.beta_m_s * frequency_hz + config.kappa * bounce_m_s2**0.25)

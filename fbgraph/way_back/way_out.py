@@ -11,7 +11,8 @@ import numpy as np
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.step_track import Step, flat_length_m
+from fbgraph.front_end.step_length import flat_length_m
+from fbgraph.front_end.step_track import Step
 
 
 @dataclass(frozen=True)

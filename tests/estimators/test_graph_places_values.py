@@ -25,7 +25,8 @@ from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.config import GraphConfig
 from fbgraph.estimators.aid_factors import anchor_factor, closed_walk_factor, closure_factor, closure_prior
-from fbgraph.estimators.factor_graph import Node, build_graph
+from fbgraph.estimators.factor_graph import build_graph
+from fbgraph.estimators.node import Node
 from fbgraph.way_back.records import Closure
 
 CONFIG = GraphConfig(sigma_anchor_m=0.4, sigma_closure_m=1.2, sigma_bias_rad_s=0.008)

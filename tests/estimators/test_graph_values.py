@@ -12,7 +12,8 @@ from support.factors import Array, factors_of, graph_of, is_robust, make_step, s
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import GraphConfig
-from fbgraph.estimators.factor_graph import Node, heading_factor
+from fbgraph.estimators.factor_graph import heading_factor
+from fbgraph.estimators.node import Node
 
 CONFIG = GraphConfig(
     sigma_length_rel=0.1,

@@ -15,7 +15,8 @@ from fbgraph.core.geometry import wrap_angle
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.batch_smoother import body_to_world, smooth
 from fbgraph.estimators.ekf import run_ekf
-from fbgraph.estimators.factor_graph import Node, heading_factor
+from fbgraph.estimators.factor_graph import heading_factor
+from fbgraph.estimators.node import Node
 from fbgraph.estimators.pdr import dead_reckon
 from fbgraph.front_end.step_track import Step, StepTrack
 

@@ -17,8 +17,9 @@ from fbgraph.core.config import GraphConfig, OnlineConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.estimators.aid_factors import anchor_factor, closure_factor, closure_prior
 from fbgraph.estimators.batch_smoother import smooth
-from fbgraph.estimators.factor_graph import GraphBuilder, Node, build_graph
+from fbgraph.estimators.factor_graph import GraphBuilder, build_graph
 from fbgraph.estimators.isam_window import IsamWindow
+from fbgraph.estimators.node import Node
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.records import Closure
 

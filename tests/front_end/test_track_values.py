@@ -9,7 +9,8 @@ from support.made_signals import levelled, same_signals
 
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.front_end.levelled_signals import LevelledSignals
-from fbgraph.front_end.step_track import LOOK_BACK_S, Step, StepTrack, flat_length_m
+from fbgraph.front_end.step_length import flat_length_m
+from fbgraph.front_end.step_track import LOOK_BACK_S, Step, StepTrack
 
 
 def test_every_field_of_a_step_is_a_column_of_the_track() -> None:

@@ -12,7 +12,8 @@ from gtsam.symbol_shorthand import B, D, X, Z
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.estimators.factor_graph import GraphBuilder, Node
+from fbgraph.estimators.factor_graph import GraphBuilder
+from fbgraph.estimators.node import Node
 from fbgraph.front_end.step_track import Step, StepTrack
 from support.by_hand import hand_step
 

@@ -1,0 +1,143 @@
+"""What the compass says at a step, once the device's own iron is taken out.
+
+The horizontal field in the wearer's frame is that of the Earth, of strength H, seen from the walking direction θ, plus
+what the device itself adds, the hard iron h, plus the iron of the place:
+
+    L (cos m, -sin m) = H (cos θ, -sin θ) + h + iron of the place
+
+with L the horizontal field measured and m the walking direction that it seems to show (Vasconcelos et al., IEEE T-AES
+47(2), 2011). So h shows twice: as a strength and as a compass error that both follow the heading.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from fbgraph.core.config import GraphConfig
+from fbgraph.core.geometry import BoolArray, FloatArray, wrap_angle
+from fbgraph.estimators.magnetic_field import FieldMemory
+from fbgraph.front_end.step_track import Step
+
+_WEAK = 0.3  # of the usual strength: a weaker rest of the field tells no direction
+_FAINT_UT = 5.0
+_TAIL = 1.0  # degrees of freedom of Student's t: most devices are calibrated, some are far from it
+H_X, H_Y, STRENGTH = range(3)
+"""Of the state (h_x, h_y, H): hard iron and usual horizontal strength, µT."""
+
+
+@dataclass(frozen=True, slots=True)
+class CompassReadings:
+    """Compass readings, one or (N,) of them.
+
+    Attributes:
+        yaw_rad: walking direction as measured, m.
+        level_ut: horizontal strength as measured, L.
+        own_rad: how far off an undisturbed reading may be; the robust loss begins there.
+        sigma_rad: the same, larger as neighbouring steps share the iron of their place.
+    """
+
+    yaw_rad: FloatArray
+    level_ut: FloatArray
+    own_rad: FloatArray
+    sigma_rad: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.yaw_rad)
+
+    @staticmethod
+    def concatenate(pieces: Sequence[CompassReadings]) -> CompassReadings:
+        """Readings in order as one."""
+        return CompassReadings(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(CompassReadings)))
+
+
+@dataclass(frozen=True, slots=True)
+class CompassResiduals:
+    """Compass readings against a heading, with the iron of a device; (N,) each, derivatives (N, 2) or (N, 3).
+
+    Attributes:
+        across_rad: heading minus corrected reading, wrapped.
+        across_by_iron: its derivative by (h_x, h_y, H), per µT.
+        strength_rel: corrected strength minus H, over H.
+        strength_by_iron: its derivative.
+        across_weight, strength_weight: what Huber's loss leaves of them, 0 to 1.
+    """
+
+    across_rad: FloatArray
+    across_by_iron: FloatArray
+    strength_rel: FloatArray
+    strength_by_iron: FloatArray
+    across_weight: FloatArray
+    strength_weight: FloatArray
+
+
+def compass_readings(steps: list[Step], field: FieldMemory, config: GraphConfig) -> CompassReadings:
+    """Readings of steps that have one.
+
+    Args:
+        steps: of which the magnetometer was heard.
+        field: the field's recent usual; learns from them.
+        config: of the graph.
+    """
+    own = np.array([config.sigma_mag_rad * math.sqrt(field.inflation(step)) for step in steps])
+    length_m = np.array([step.length_m for step in steps])
+    # compass errors are those of the place: N correlated steps know as much as N (1 - a) / (1 + a) free ones
+    # (information of a first-order Gauss-Markov process with a = exp(-L / correlation length))
+    a = np.exp(-np.maximum(length_m, 0.05) / config.mag_correlation_m)
+    level = np.array([step.mag_norm_ut * math.cos(step.mag_dip_rad) for step in steps])
+    yaw = np.array([step.yaw_mag_rad for step in steps])
+    return CompassReadings(yaw, level, own, own * np.sqrt((1.0 + a) / (1.0 - a)))
+
+
+def compass_residuals(
+    readings: CompassReadings, yaw_rad: FloatArray, iron_ut: FloatArray, config: GraphConfig
+) -> CompassResiduals:
+    """Compare readings with headings.
+
+    Args:
+        readings: (N,) of them.
+        yaw_rad: (N,) walking directions.
+        iron_ut: (N, 3) hard iron and usual horizontal strength at each.
+        config: of the graph.
+    """
+    h_x, h_y, usual = iron_ut[:, H_X], iron_ut[:, H_Y], np.maximum(iron_ut[:, STRENGTH], _FAINT_UT)
+    u = readings.level_ut * np.cos(readings.yaw_rad) - h_x
+    v = -readings.level_ut * np.sin(readings.yaw_rad) - h_y
+    level = np.maximum(np.hypot(u, v), 1e-6)
+    heard = np.maximum(level, _WEAK * usual)
+    across = wrap_angle(yaw_rad + np.arctan2(v, u))
+    strength = (level - iron_ut[:, STRENGTH]) / usual
+    zero = np.zeros(len(u))
+    limit = config.mag_huber * readings.own_rad
+    return CompassResiduals(
+        across,
+        np.column_stack((v / (level * heard), -u / (level * heard), zero)),
+        strength,
+        np.column_stack((-u / level, -v / level, zero - 1.0)) / usual[:, None],
+        np.minimum(1.0, limit / np.maximum(np.abs(across), 1e-9)),
+        np.minimum(1.0, limit / np.maximum(np.abs(strength), 1e-9)),
+    )
+
+
+def iron_sigma_ut(iron_ut: FloatArray, config: GraphConfig) -> float:
+    """Standard deviation of the prior on either component of the hard iron: Student's t, reweighted at ``iron_ut``."""
+    squared = float(iron_ut[H_X] ** 2 + iron_ut[H_Y] ** 2)
+    return math.sqrt((_TAIL * config.sigma_iron_ut**2 + squared) / (_TAIL + 2.0))
+
+
+def iron_cost(iron_ut: FloatArray, config: GraphConfig) -> float:
+    """Negative log of that prior."""
+    squared = float(iron_ut[H_X] ** 2 + iron_ut[H_Y] ** 2)
+    return 0.5 * (_TAIL + 2.0) * math.log1p(squared / (_TAIL * config.sigma_iron_ut**2))
+
+
+def circle_through(readings: CompassReadings, which: BoolArray) -> FloatArray:
+    """(3,) hard iron and strength by the circle that the horizontal field describes as the wearer turns (Kåsa 1976)."""
+    u = (readings.level_ut * np.cos(readings.yaw_rad))[which]
+    v = -(readings.level_ut * np.sin(readings.yaw_rad))[which]
+    rows = np.column_stack((2.0 * u, 2.0 * v, np.ones(len(u))))
+    centre_u, centre_v, rest = np.linalg.lstsq(rows, u**2 + v**2, rcond=None)[0]
+    return np.array([centre_u, centre_v, math.sqrt(max(rest + centre_u**2 + centre_v**2, _FAINT_UT**2))])

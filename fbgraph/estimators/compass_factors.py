@@ -1,0 +1,62 @@
+"""Factors of the compass: yaw and strength of the field at each step, and the device's own iron, I(j)."""
+
+from __future__ import annotations
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import I, X
+
+from fbgraph.core.config import GraphConfig
+from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.estimators.compass import CompassReadings, compass_residuals, iron_sigma_ut
+from fbgraph.estimators.noise_models import sigmas
+
+_BY_POSE = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+
+
+def iron_factor(j: int, iron_ut: FloatArray, usual_ut: float, config: GraphConfig) -> gtsam.PriorFactorVector:
+    """The iron of a stretch is little, by Student's t reweighted at ``iron_ut``; the field about as usual."""
+    sigma_ut = iron_sigma_ut(iron_ut, config)
+    prior = np.array([0.0, 0.0, usual_ut])
+    return gtsam.PriorFactorVector(I(j), prior, sigmas(sigma_ut, sigma_ut, config.sigma_field_ut))
+
+
+def recalibration_factor(j: int, jump_ut: FloatArray, config: GraphConfig) -> gtsam.BetweenFactorVector:
+    """The iron of a stretch is that of the one before and the jump that was seen; the field's strength the same."""
+    return gtsam.BetweenFactorVector(I(j - 1), I(j), jump_ut, sigmas(*(config.sigma_iron_jump_ut,) * 3))
+
+
+def compass_factors(
+    k: IntArray,
+    readings: CompassReadings,
+    yaw_rad: FloatArray,
+    stretch: IntArray,
+    iron_ut: FloatArray,
+    config: GraphConfig,
+) -> list[gtsam.LinearContainerFactor]:
+    """Yaw and strength of the field at steps; two rows each, of X(k) and I(j).
+
+    Args:
+        k: (N,) breadcrumbs.
+        readings: (N,) of them.
+        yaw_rad: (N,) headings at which to linearise.
+        stretch: (N,) which iron is theirs.
+        iron_ut: (J, 3) iron at which to linearise.
+        config: weights.
+    """
+    off = compass_residuals(readings, yaw_rad, iron_ut[stretch], config)
+    by_iron = np.stack((off.across_by_iron, off.strength_by_iron), axis=1)
+    right = -np.column_stack((off.across_rad, off.strength_rel))
+    weights = np.column_stack((off.across_weight, off.strength_weight))
+    sigma = readings.sigma_rad[:, None] / np.sqrt(weights)
+    factors = []
+    for at, one in enumerate(k.tolist()):
+        j = int(stretch[at])
+        jacobian = gtsam.JacobianFactor(
+            X(one), _BY_POSE, I(j), by_iron[at], right[at], gtsam.noiseModel.Diagonal.Sigmas(sigma[at])
+        )
+        point = gtsam.Values()
+        point.insert(X(one), gtsam.Pose2(0.0, 0.0, float(yaw_rad[at])))
+        point.insert(I(j), iron_ut[j])
+        factors.append(gtsam.LinearContainerFactor(jacobian, point))
+    return factors
