@@ -11,10 +11,54 @@ from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Integrity, Verdict
 from fbgraph.integrity.carrying_checks import mount_does_not_fit, turned_in_hand
-from fbgraph.integrity.evidence import Check, Doubt, Evidence
-from fbgraph.integrity.solution_checks import solver_at_its_limit, solver_failed
+from fbgraph.integrity.compass_checks import compass_against_gyroscope, field_strength, field_upside_down
+from fbgraph.integrity.evidence import Check, Doubt, Evidence, SensedCheck
+from fbgraph.integrity.sensor_checks import (
+    cut_off_values,
+    frozen_sensors,
+    gravity_against_gyroscope,
+    gravitys_size,
+    limp_gyroscope,
+    noisy_sensors,
+    restarted_clock,
+    silent_sensors,
+    sparse_samples,
+)
+from fbgraph.integrity.solution_checks import (
+    factors_beyond_their_sigmas,
+    smoother_against_others,
+    solver_at_its_limit,
+    solver_failed,
+)
+from fbgraph.integrity.walk_checks import rhythm, rise_of_a_step, unexplained_time
 
-CHECKS: tuple[Check, ...] = (solver_failed, solver_at_its_limit, mount_does_not_fit, turned_in_hand)
+SENSED_CHECKS: tuple[SensedCheck, ...] = (
+    frozen_sensors,
+    silent_sensors,
+    cut_off_values,
+    noisy_sensors,
+    sparse_samples,
+    restarted_clock,
+    gravitys_size,
+    gravity_against_gyroscope,
+    limp_gyroscope,
+    field_strength,
+    field_upside_down,
+    compass_against_gyroscope,
+    rhythm,
+    rise_of_a_step,
+    unexplained_time,
+)
+"""Those that can be asked of a part of a walk, while it goes on."""
+CHECKS: tuple[Check, ...] = (
+    *SENSED_CHECKS,
+    solver_failed,
+    solver_at_its_limit,
+    factors_beyond_their_sigmas,
+    smoother_against_others,
+    mount_does_not_fit,
+    turned_in_hand,
+)
 """In no order: what they find is sorted by weight."""
 
 

@@ -19,8 +19,8 @@ from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import StepTrack
 
 
-class Evidence(Protocol):
-    """A walk as far as its run goes; ``run.walk_result.WalkResult`` is one. No truth: that only scores."""
+class Sensed(Protocol):
+    """What sensors and steps said, of a whole walk or, while it goes on, of its last minute."""
 
     @property
     def log(self) -> SensorLog:
@@ -37,6 +37,10 @@ class Evidence(Protocol):
     @property
     def track(self) -> StepTrack:
         """The steps."""
+
+
+class Evidence(Sensed, Protocol):
+    """A walk as far as its run goes; ``run.walk_result.WalkResult`` is one. No truth: that only scores."""
 
     @property
     def trajectories(self) -> Mapping[str, Trajectory]:
@@ -73,20 +77,28 @@ class Doubt:
     withhold: bool = False
 
 
+SensedCheck = Callable[[Sensed], Sequence[Doubt]]
 Check = Callable[[Evidence], Sequence[Doubt]]
 
+UNKNOWN_TURN_RAD = np.pi / 2.0
+"""One sigma of a heading of which nothing is known: spread evenly over the circle it would be 1.8 rad."""
 
-def turned_m(trajectory: Trajectory, heading_rad: float, start_s: float = -np.inf) -> FloatArray:
+
+def turned_m(track: StepTrack, heading_rad: float, start_s: float = -np.inf) -> FloatArray:
     """(K+1,) how far breadcrumbs may be off where from ``start_s`` on the heading is off by an unknown ``heading_rad``.
 
-    Growing with the distance walked, as an error that goes with the heading does on a straight walk; sideways, so half
-    of its square on each axis.
+    Growing with the distance walked, as an error that lasts does on a straight walk; sideways, so half of its square on
+    each axis.
     """
-    walked_m = trajectory.distance_m - np.interp(start_s, trajectory.t_s, trajectory.distance_m)
-    return np.asarray(np.maximum(walked_m, 0.0) * min(heading_rad, np.pi) / np.sqrt(2.0))
+    return np.asarray(_walked_m(track, start_s) * min(heading_rad, UNKNOWN_TURN_RAD) / np.sqrt(2.0))
 
 
-def stretched_m(trajectory: Trajectory, length_rel: float, start_s: float = -np.inf) -> FloatArray:
+def stretched_m(track: StepTrack, length_rel: float, start_s: float = -np.inf) -> FloatArray:
     """(K+1,) the same where steps are off by this share of their length."""
-    walked_m = trajectory.distance_m - np.interp(start_s, trajectory.t_s, trajectory.distance_m)
-    return np.asarray(np.maximum(walked_m, 0.0) * length_rel / np.sqrt(2.0))
+    return np.asarray(_walked_m(track, start_s) * length_rel / np.sqrt(2.0))
+
+
+def _walked_m(track: StepTrack, start_s: float) -> FloatArray:
+    """(K+1,) distance walked since ``start_s``; 0 before."""
+    walked_m = np.cumsum(track.length_m)
+    return np.asarray(np.maximum(walked_m - np.interp(start_s, track.t_s, walked_m), 0.0))

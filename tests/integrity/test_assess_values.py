@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.by_hand import way_along
+from support.by_hand import steps_of, way_along
 from support.results_by_hand import hand_result, with_cov
 
 from fbgraph.core.config import Config
 from fbgraph.core.verdict import Integrity, Reason, verdict_lines
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.integrity.assess import assess, judged
 from fbgraph.integrity.evidence import Doubt, stretched_m, turned_m
 from fbgraph.integrity.solution_checks import solver_at_its_limit, solver_failed
@@ -57,10 +58,11 @@ def test_nobody_is_further_off_than_twice_the_way_walked() -> None:
 
 def test_an_error_of_heading_or_length_grows_with_the_way() -> None:
     """From 11 s, 10 m on, a tenth: 2 m at the end, shared by both axes."""
-    for sigma_m in (turned_m(WAY, 0.1, 11.0), stretched_m(WAY, 0.1, 11.0)):
+    track = StepTrack(steps_of(WAY))
+    for sigma_m in (turned_m(track, 0.1, 11.0), stretched_m(track, 0.1, 11.0)):
         assert sigma_m[:21].max() == 0.0
         assert sigma_m[-1] == pytest.approx(2.0 / math.sqrt(2.0))
-    assert turned_m(WAY, 9.0)[-1] == pytest.approx(30.0 * math.pi / math.sqrt(2.0))
+    assert turned_m(track, 9.0)[-1] == pytest.approx(30.0 * math.pi / 2.0 / math.sqrt(2.0))
 
 
 def result(iterations: int, **given: Any) -> WalkResult:
