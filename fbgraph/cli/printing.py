@@ -10,13 +10,13 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fbgraph.core.safe_text import for_json, for_terminal, short_name, visible
 from fbgraph.core.verdict import Integrity, verdict_lines
 
-if TYPE_CHECKING:
-    from fbgraph.pipeline import Progress
+Progress = Callable[[str], None]
+"""Called with the name of each stage as it begins."""
 
 
 def say(line: str = "") -> None:

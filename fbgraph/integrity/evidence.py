@@ -10,7 +10,7 @@ import numpy as np
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import Config
-from fbgraph.core.geometry import FloatArray
+from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Reason
@@ -102,3 +102,12 @@ def _walked_m(track: StepTrack, start_s: float) -> FloatArray:
     """(K+1,) distance walked since ``start_s``; 0 before."""
     walked_m = np.cumsum(track.length_m)
     return np.asarray(np.maximum(walked_m - np.interp(start_s, track.t_s, walked_m), 0.0))
+
+
+def stepping(walk: Sensed) -> BoolArray:
+    """(N,) which samples lie within a step."""
+    t_s, track = walk.signals.t_s, walk.track
+    edges = np.zeros(len(t_s) + 1, dtype=np.int64)
+    np.add.at(edges, np.searchsorted(t_s, track.start_s[1:]), 1)
+    np.add.at(edges, np.searchsorted(t_s, track.t_s[1:]), -1)
+    return np.asarray(np.cumsum(edges)[:-1] > 0)

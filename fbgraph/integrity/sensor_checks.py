@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbgraph.core.geometry import BoolArray, FloatArray
+from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Stream
 from fbgraph.core.units import STANDARD_GRAVITY_M_S2
 from fbgraph.core.verdict import Reason
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.integrity.compass_checks import compass_against_gyroscope
-from fbgraph.integrity.evidence import UNKNOWN_TURN_RAD, Doubt, Sensed, stretched_m, turned_m
+from fbgraph.integrity.evidence import UNKNOWN_TURN_RAD, Doubt, Sensed, stepping, stretched_m, turned_m
 
 NAMES = {"acc": "accelerometer", "gyro": "gyroscope", "mag": "magnetometer", "pressure": "barometer"}
 
@@ -222,15 +222,6 @@ def level_blocks(signals: LevelledSignals, since_s: float) -> LevelBlocks:
 def level_error(blocks: LevelBlocks) -> float:
     """Root mean square of the horizontal acceleration, m/s²."""
     return float(np.sqrt((blocks.acc_m_s2[:, :2] ** 2).sum(axis=1).mean())) if len(blocks.t_s) else 0.0
-
-
-def stepping(walk: Sensed) -> BoolArray:
-    """(N,) which samples lie within a step."""
-    t_s, track = walk.signals.t_s, walk.track
-    edges = np.zeros(len(t_s) + 1, dtype=np.int64)
-    np.add.at(edges, np.searchsorted(t_s, track.start_s[1:]), 1)
-    np.add.at(edges, np.searchsorted(t_s, track.t_s[1:]), -1)
-    return np.asarray(np.cumsum(edges)[:-1] > 0)
 
 
 def _repeats(stream: Stream, limit_s: float) -> list[tuple[float, float]]:

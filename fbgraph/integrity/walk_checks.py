@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fbgraph.core.verdict import Reason
-from fbgraph.integrity.evidence import Doubt, Sensed, stretched_m
-from fbgraph.integrity.sensor_checks import stepping
+from fbgraph.integrity.evidence import Doubt, Sensed, stepping, stretched_m
 
 _RHYTHM_HZ = (0.7, 3.2)
 _RISE_M = 0.18  # how far a body rises and falls in a step; undisturbed: 0.11 at most
