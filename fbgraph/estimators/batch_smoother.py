@@ -18,6 +18,7 @@ from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.altitude_chain import weather_sigma_m
+from fbgraph.estimators.compass_factors import UNIT_UT
 from fbgraph.estimators.estimates import DeviceErrors, Smoothed
 from fbgraph.estimators.factor_graph import build_graph
 from fbgraph.estimators.heading_chain import HeadingSolution, solve_heading
@@ -121,7 +122,7 @@ def _heading_of(heading: HeadingSolution, values: gtsam.Values, trajectory: Traj
         yaw_rad=trajectory.yaw_rad,
         bias_rad_s=trajectory.gyro_bias_rad_s,
         gyro_scale=float(values.atVector(B(len(trajectory) - 1))[1]),
-        iron_ut=np.array([values.atVector(I(j)) for j in range(len(heading.iron_ut))])
+        iron_ut=np.array([UNIT_UT * values.atVector(I(j)) for j in range(len(heading.iron_ut))])
         if len(heading.readings)
         else heading.iron_ut,
     )
@@ -133,7 +134,7 @@ def _device_of(heading: HeadingSolution, solved: _Solved) -> DeviceErrors:
     sigma = float(solved.marginals.marginalCovariance(last)[1, 1]) ** 0.5
     iron_sigma = np.array(
         [
-            np.sqrt(np.diag(solved.marginals.marginalCovariance(I(j))))
+            UNIT_UT * np.sqrt(np.diag(solved.marginals.marginalCovariance(I(j))))
             for j in range(len(heading.iron_ut) if len(heading.readings) else 0)
         ]
     ).reshape(-1, 3)

@@ -11,6 +11,8 @@ from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.estimators.compass import CompassReadings, compass_residuals, iron_sigma_ut
 from fbgraph.estimators.noise_models import sigmas
 
+UNIT_UT = 20.0
+"""Of I(j), a usual horizontal field: a tenth of it turns the compass by a tenth of a radian (iSAM2's thresholds)."""
 _BY_POSE = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
 
 
@@ -18,12 +20,14 @@ def iron_factor(j: int, iron_ut: FloatArray, usual_ut: float, config: GraphConfi
     """The iron of a stretch is little, by Student's t reweighted at ``iron_ut``; the field about as usual."""
     sigma_ut = iron_sigma_ut(iron_ut, config)
     prior = np.array([0.0, 0.0, usual_ut])
-    return gtsam.PriorFactorVector(I(j), prior, sigmas(sigma_ut, sigma_ut, config.sigma_field_ut))
+    model = sigmas(*(sigma / UNIT_UT for sigma in (sigma_ut, sigma_ut, config.sigma_field_ut)))
+    return gtsam.PriorFactorVector(I(j), prior / UNIT_UT, model)
 
 
-def recalibration_factor(j: int, jump_ut: FloatArray, config: GraphConfig) -> gtsam.BetweenFactorVector:
+def recalibration_factor(j: int, jump_ut: FloatArray, sigma_ut: float) -> gtsam.BetweenFactorVector:
     """The iron of a stretch is that of the one before and the jump that was seen; the field's strength the same."""
-    return gtsam.BetweenFactorVector(I(j - 1), I(j), jump_ut, sigmas(*(config.sigma_iron_jump_ut,) * 3))
+    model = sigmas(*(sigma_ut / UNIT_UT,) * 3)
+    return gtsam.BetweenFactorVector(I(j - 1), I(j), jump_ut / UNIT_UT, model)
 
 
 def compass_factors(
@@ -41,11 +45,11 @@ def compass_factors(
         readings: (N,) of them.
         yaw_rad: (N,) headings at which to linearise.
         stretch: (N,) which iron is theirs.
-        iron_ut: (J, 3) iron at which to linearise.
+        iron_ut: (N, 3) iron at which to linearise.
         config: weights.
     """
-    off = compass_residuals(readings, yaw_rad, iron_ut[stretch], config)
-    by_iron = np.stack((off.across_by_iron, off.strength_by_iron), axis=1)
+    off = compass_residuals(readings, yaw_rad, iron_ut, config)
+    by_iron = UNIT_UT * np.stack((off.across_by_iron, off.strength_by_iron), axis=1)
     right = -np.column_stack((off.across_rad, off.strength_rel))
     weights = np.column_stack((off.across_weight, off.strength_weight))
     sigma = readings.sigma_rad[:, None] / np.sqrt(weights)
@@ -57,6 +61,6 @@ def compass_factors(
         )
         point = gtsam.Values()
         point.insert(X(one), gtsam.Pose2(0.0, 0.0, float(yaw_rad[at])))
-        point.insert(I(j), iron_ut[j])
+        point.insert(I(j), iron_ut[at] / UNIT_UT)
         factors.append(gtsam.LinearContainerFactor(jacobian, point))
     return factors

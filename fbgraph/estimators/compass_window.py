@@ -2,6 +2,9 @@
 
 A compass factor is linear in the device's own iron, and its robust weight a number: both were right for what was
 believed when the step was made. When the iron turns out to be another, or the window moves, they are made again.
+
+The iron is a state of every twenty breadcrumbs, tied to the one before: were it one for all, iSAM2 would look at the
+whole window at every step.
 """
 
 from __future__ import annotations
@@ -16,20 +19,21 @@ from gtsam.symbol_shorthand import I
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.geometry import FloatArray
 from fbgraph.estimators.compass import STRENGTH, CompassReadings, compass_readings
-from fbgraph.estimators.compass_factors import compass_factors, iron_factor, recalibration_factor
+from fbgraph.estimators.compass_factors import UNIT_UT, compass_factors, iron_factor, recalibration_factor
 from fbgraph.estimators.magnetic_field import FieldMemory
 from fbgraph.estimators.node import Node
 from fbgraph.front_end.step_track import Step
 
 _STALE_UT, _STALE_REL = 1.5, 0.1  # how far the iron may be from where factors were made, and of the field's strength
 _HELD_STEPS = 15  # that long the factors stay at least
+_BLOCK_STEPS, _BLOCK_UT = 20, 0.1  # how often the iron is a state, and how far it may move meanwhile
 
 
 class CompassWindow:
     """Readings and iron of the breadcrumbs in the window.
 
     Attributes:
-        iron_ut: (3,) each, of every stretch between recalibrations: where the factors were made.
+        iron_ut: (3,) each, of every state: where the factors were made.
     """
 
     def __init__(self, config: GraphConfig) -> None:
@@ -37,8 +41,8 @@ class CompassWindow:
         self._config = config
         self._field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
         self._heard: list[tuple[int, CompassReadings]] = []
-        self._starts: list[int] = []  # breadcrumbs where a stretch begins
-        self._jumps_ut: list[FloatArray] = []
+        self._starts: list[int] = []  # breadcrumbs where a state begins
+        self._jumps_ut: dict[int, FloatArray] = {}  # by such a breadcrumb: where the magnetometer was calibrated anew
         self._begun = True  # whether the prior of the first stretch is still a factor of its own
         self._usual_ut = math.nan
         self._made_at = 0
@@ -60,33 +64,38 @@ class CompassWindow:
             self._usual_ut = float(reading.level_ut[0])
             self.iron_ut.append(np.array([0.0, 0.0, self._usual_ut]))
             self._starts.append(k)
-            values.insert(I(0), self.iron_ut[0])
+            values.insert(I(0), self.iron_ut[0] / UNIT_UT)
             graph.push_back(iron_factor(0, self.iron_ut[0], self._usual_ut, self._config))
+        elif k - self._starts[-1] >= _BLOCK_STEPS:
+            self.iron_ut.append(self.iron_ut[-1])
+            self._starts.append(k)
+            values.insert(I(len(self._starts) - 1), self.iron_ut[-1] / UNIT_UT)
+            graph.push_back(self._tie(len(self._starts) - 1))
         self._heard.append((k, reading))
         for factor in self._factors([(k, reading)], [node.yaw_rad]):
             graph.push_back(factor)
 
-    def stretch_of(self, k: int) -> int | None:
-        """Which stretch between recalibrations a breadcrumb belongs to; None before the first reading."""
+    def state_of(self, k: int) -> int | None:
+        """Which state of the iron a breadcrumb belongs to; None before the first reading."""
         return max(int(np.searchsorted(self._starts, k, side="right")) - 1, 0) if self._starts else None
 
-    def stretches(self, first: int) -> range:
-        """The stretches of the breadcrumbs from ``first`` on."""
-        begin = self.stretch_of(first)
+    def states(self, first: int) -> range:
+        """The states of the iron of the breadcrumbs from ``first`` on."""
+        begin = self.state_of(first)
         return range(0) if begin is None else range(begin, len(self._starts))
 
     def stale(self, k: int, iron_ut: FloatArray) -> bool:
-        """Whether the factors were made for iron too far from the latest stretch's now; asked at breadcrumb ``k``."""
+        """Whether the factors were made for iron too far from the latest now; asked at breadcrumb ``k``."""
         made_ut = self.iron_ut[-1]
         limit_ut = max(_STALE_UT, _STALE_REL * abs(float(made_ut[STRENGTH])))
         return k - self._made_at >= _HELD_STEPS and float(np.abs(iron_ut - made_ut).max()) > limit_ut
 
     def moved(self, k: int, result: gtsam.Values, first: int) -> None:
-        """Take the iron of an estimate over, at breadcrumb ``k``, in a window that begins at ``first``."""
+        """Take the iron of an estimate over, at breadcrumb ``k``, in a window from ``first`` on."""
         self._made_at = k
-        for j in self.stretches(first):
+        for j in self.states(first):
             if result.exists(I(j)):
-                self.iron_ut[j] = result.atVector(I(j))
+                self.iron_ut[j] = UNIT_UT * result.atVector(I(j))
 
     def recalibrated(self, starts: Sequence[int], jumps_ut: FloatArray, iron_ut: FloatArray) -> None:
         """The magnetometer's zero jumped before these breadcrumbs, some of which may be known.
@@ -96,11 +105,16 @@ class CompassWindow:
             jumps_ut: (J, 3) by how much.
             iron_ut: (J+1, 3) iron before and after each.
         """
-        for start, jump_ut, after_ut in zip(starts, jumps_ut, iron_ut[1:], strict=True):
-            if start > self._starts[-1]:
-                self._starts.append(start)
-                self._jumps_ut.append(jump_ut)
-                self.iron_ut.append(after_ut)
+        for start, jump_ut, before_ut, after_ut in zip(starts, jumps_ut, iron_ut[:-1], iron_ut[1:], strict=True):
+            if start in self._jumps_ut:
+                continue
+            at = int(np.searchsorted(self._starts, start))
+            if at == len(self._starts) or self._starts[at] != start:
+                self._starts.insert(at, start)
+                self.iron_ut.insert(at, after_ut)
+            self._jumps_ut[start] = jump_ut
+            self.iron_ut[at - 1] = before_ut
+            self.iron_ut[at:] = [after_ut] * (len(self.iron_ut) - at)
 
     def again(self, nodes: Sequence[Node], first: int, last: int) -> list[gtsam.NonlinearFactor]:
         """All factors of the window's readings up to breadcrumb ``last``, and of its iron.
@@ -116,14 +130,22 @@ class CompassWindow:
             factors.append(iron_factor(0, self.iron_ut[0], self._usual_ut, self._config))
         for j in range(1, len(self._starts)):
             if first < self._starts[j] <= last:
-                factors.append(recalibration_factor(j, self._jumps_ut[j - 1], self._config))
-                factors.append(iron_factor(j, self.iron_ut[j], self._usual_ut, self._config))
+                factors.append(self._tie(j))
+                if self._starts[j] in self._jumps_ut:
+                    factors.append(iron_factor(j, self.iron_ut[j], self._usual_ut, self._config))
         return factors + self._factors(asked, [nodes[k].yaw_rad for k, _ in asked])
 
     def forget(self, join: int) -> None:
         """Breadcrumbs up to ``join`` have left the window, their readings told to its prior."""
         self._begun = False
         self._heard = [(k, reading) for k, reading in self._heard if k > join]
+
+    def _tie(self, j: int) -> gtsam.BetweenFactorVector:
+        """What a state of the iron has to do with the one before."""
+        jump_ut = self._jumps_ut.get(self._starts[j])
+        if jump_ut is None:
+            return recalibration_factor(j, np.zeros(3), _BLOCK_UT)
+        return recalibration_factor(j, jump_ut, self._config.sigma_iron_jump_ut)
 
     def _factors(
         self, heard: Sequence[tuple[int, CompassReadings]], yaw_rad: Sequence[float]
@@ -133,5 +155,5 @@ class CompassWindow:
         k = np.array([k for k, _ in heard])
         stretch = np.maximum(np.searchsorted(self._starts, k, side="right") - 1, 0)
         readings = CompassReadings.concatenate([reading for _, reading in heard])
-        iron_ut = np.array(self.iron_ut)
+        iron_ut = np.array([self.iron_ut[j] for j in stretch])
         return list(compass_factors(k, readings, np.array(yaw_rad), stretch, iron_ut, self._config))

@@ -39,7 +39,7 @@ from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.aid_factors import add_aids
 from fbgraph.estimators.altitude_chain import AltitudeChain
-from fbgraph.estimators.compass_factors import compass_factors, iron_factor, recalibration_factor
+from fbgraph.estimators.compass_factors import UNIT_UT, compass_factors, iron_factor, recalibration_factor
 from fbgraph.estimators.gyroscope import GyroTurn, gyro_turn
 from fbgraph.estimators.heading_chain import HeadingSolution
 from fbgraph.estimators.node import Node
@@ -196,11 +196,12 @@ def _add_compass(
         config: weights.
     """
     for j, iron_ut in enumerate(heading.iron_ut):
-        values.insert(I(j), iron_ut)
+        values.insert(I(j), iron_ut / UNIT_UT)
         graph.push_back(iron_factor(j, iron_ut, heading.usual_ut, config))
         if j > 0:
-            graph.push_back(recalibration_factor(j, heading.jumps_ut[j - 1], config))
-    for factor in compass_factors(k, heading.readings, yaw_rad, heading.stretch[k], heading.iron_ut, config):
+            graph.push_back(recalibration_factor(j, heading.jumps_ut[j - 1], config.sigma_iron_jump_ut))
+    stretch = heading.stretch[k]
+    for factor in compass_factors(k, heading.readings, yaw_rad, stretch, heading.iron_ut[stretch], config):
         graph.push_back(factor)
 
 

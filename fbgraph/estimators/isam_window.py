@@ -19,6 +19,7 @@ from fbgraph.core.config import GraphConfig, OnlineConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.estimators.aid_factors import closure_factor, closure_prior
+from fbgraph.estimators.compass_factors import UNIT_UT
 from fbgraph.estimators.compass_window import CompassWindow
 from fbgraph.estimators.heading_chain import HeadingSolution
 from fbgraph.estimators.node import Node
@@ -85,13 +86,12 @@ class IsamWindow:
         if len(self._graphs) >= 2 * self._config.window_steps:
             self._shorten()
         elif self._compass.iron_ut and self._compass.stale(k, self._iron()):
-            self.refresh()
-            self._rebuild(self.first, self._isam.calculateBestEstimate())
+            self._rebuild(self.first, self._taken_over())
         return self.nodes[k]
 
     def _iron(self) -> FloatArray:
         """(3,) iron and strength of the latest stretch, as believed now."""
-        return np.asarray(self._isam.calculateEstimateVector(I(len(self._compass.iron_ut) - 1)))
+        return np.asarray(UNIT_UT * self._isam.calculateEstimateVector(I(len(self._compass.iron_ut) - 1)))
 
     def recalibrate(self, heading: HeadingSolution) -> None:
         """Believe that the magnetometer's zero jumped within the window.
@@ -103,9 +103,16 @@ class IsamWindow:
             EstimationError: the solver failed.
         """
         starts = np.flatnonzero(np.diff(heading.stretch)) + 1 + self.first
+        result = self._taken_over()
         self._compass.recalibrated(starts.tolist(), heading.jumps_ut, heading.iron_ut)
-        self.refresh()
-        self._rebuild(self.first, self._isam.calculateBestEstimate())
+        self._rebuild(self.first, result)
+
+    def _taken_over(self) -> gtsam.Values:
+        """The window as solved now; breadcrumbs and iron are its from now on."""
+        result = self._isam.calculateBestEstimate()
+        self.nodes[self.first :] = self._read(result)
+        self._compass.moved(len(self.nodes) - 1, result, self.first)
+        return result
 
     def close(self, closures: Iterable[Closure]) -> None:
         """Add closures; where the earlier breadcrumb has left the window, it is fixed.
@@ -152,9 +159,8 @@ class IsamWindow:
 
     def _shorten(self) -> None:
         """Eliminate the older half of the window into a prior on the breadcrumb where the newer half begins."""
-        self.refresh()
+        result = self._taken_over()
         join = len(self.nodes) - self._config.window_steps
-        result = self._isam.calculateBestEstimate()
         split = join - self.first + 1  # factors that come with the join itself look back from it
         prior = self._eliminated(self._graphs[:split], join, result)
         self._graphs = [prior, *self._graphs[split:]]
@@ -166,12 +172,10 @@ class IsamWindow:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for part in self._graphs:
             graph.push_back(part)
-        last = len(self.nodes) - 1
-        self._compass.moved(last, result, first)
-        for factor in self._compass.again(self.nodes, first, last):
+        for factor in self._compass.again(self.nodes, first, len(self.nodes) - 1):
             graph.push_back(factor)
-        for j in self._compass.stretches(first):
-            values.insert(I(j), self._compass.iron_ut[j])
+        for j in self._compass.states(first):
+            values.insert(I(j), self._compass.iron_ut[j] / UNIT_UT)
         for closure in self.closures:
             if closure.j > first:
                 graph.push_back(self._closure_factor(closure, first))
@@ -198,8 +202,8 @@ class IsamWindow:
         for factor in self._compass.again(self.nodes, self.first, join):
             older.push_back(factor)
         gone = gtsam.Ordering()
-        iron = self._compass.stretch_of(join)
-        for j in self._compass.stretches(self.first):
+        iron = self._compass.state_of(join)
+        for j in self._compass.states(self.first):
             if iron is not None and j < iron:
                 gone.push_back(I(j))
         for k in range(self.first, join):
