@@ -13,7 +13,6 @@ import pytest
 from integrity import ALLOWED_M, ALLOWED_Z_M, FAR, ellipse_sigmas
 from support.broken_tables import Table, table_of
 from support.sensor_faults import (
-    DOUBTFUL,
     FAULTS,
     REFUSED,
     SILENT,

@@ -45,9 +45,9 @@ from support.broken_tables import (
 
 SOUND, WIDE, DOUBTFUL, WITHHELD, REFUSED = "sound", "wide", "doubtful", "withheld", "refused"
 UNNAMED, SILENT = "unnamed", "silent"
-"""What comes of a fault: a walk called sound that is as good as without it, or worse but within four of its own sigma; one
-that is doubted or withheld, and why; none at all and why. And what must not be: a walk that is doubted for another
-reason, or called sound and further off than that."""
+"""What comes of a fault: a walk called sound that is as good as without it, or worse but within four of its own sigma;
+one that is doubted or withheld, and why; none, and why. And what must not be: a walk that is doubted for another reason
+alone, or that is called sound and is further off than that."""
 
 
 @dataclass(frozen=True)
