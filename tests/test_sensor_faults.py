@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from integrity import ALLOWED_M, ALLOWED_Z_M, FAR, ellipse_sigmas
+from judged_walks import ALLOWED_M, ALLOWED_Z_M, FAR, ellipse_sigmas
 from support.broken_tables import Table, table_of
 from support.sensor_faults import (
     FAULTS,
