@@ -147,8 +147,8 @@ def table(walks: Sequence[Judged]) -> str:
     """A line a kind; seeds of what was missed, to run again with ``--only``."""
     lines = [
         "| kind | walks | sound | doubtful | withheld | median, worst σ of the sound | worst σ_z | inside 95 % | bare |"
-        " in z | beyond 4σ: seeds |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        " in z | sound beyond 4σ: seeds | doubtful beyond 4σ: seeds |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for kind in KINDS:
         of_it = [walk for walk in walks if walk.kind == kind.name]
@@ -168,8 +168,10 @@ def row(name: str, walks: Sequence[Judged]) -> str:
         cells += [f"{share(sound, name):.1%}" for name in ("inside", "bare", "inside_z")]
     else:
         cells += ["", "", "", "", ""]
-    missed = sorted((walk for walk in sound if walk.far), key=lambda walk: -walk.worst_sigma)
-    cells.append(f"{len(missed)}: " + " ".join(str(walk.seed) for walk in missed[:8]) if missed else "")
+    for verdict in (SOUND, DOUBTFUL):
+        missed = [walk for walk in walks if walk.verdict == verdict and walk.far]
+        missed.sort(key=lambda walk: -max(walk.worst_sigma, walk.worst_z_sigma))
+        cells.append(f"{len(missed)}: " + " ".join(str(walk.seed) for walk in missed[:8]) if missed else "")
     return "| " + " | ".join(str(cell) for cell in cells) + " |"
 
 
@@ -181,7 +183,8 @@ def share(walks: Sequence[Judged], name: str) -> float:
 
 def figures(walks: Sequence[Judged]) -> dict[str, float]:
     """What must be shown, as shares."""
-    sound, quiet = [walk for walk in walks if walk.verdict == SOUND], [walk for walk in walks if walk.quiet]
+    sound, doubtful = ([walk for walk in walks if walk.verdict == verdict] for verdict in (SOUND, DOUBTFUL))
+    quiet = [walk for walk in walks if walk.quiet]
     return {
         "walks": len(walks),
         "sound": len(sound),
@@ -190,5 +193,6 @@ def figures(walks: Sequence[Judged]) -> dict[str, float]:
         "inside_z": share(sound, "inside_z"),
         "beyond": float(np.mean([walk.far for walk in sound])),
         "alarms": float(np.mean([walk.verdict != SOUND for walk in quiet])),
+        "doubtful beyond": float(np.mean([walk.far for walk in doubtful])),
         "seconds": sum(walk.seconds for walk in walks),
     }
