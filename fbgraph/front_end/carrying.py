@@ -27,6 +27,8 @@ _TURN_LONGEST = 8  # and a longer one is a curve of the path
 _BEFORE, _AFTER = 12, 10  # steps compared
 _FEWEST, _SOON = 4, 6  # of those known: to tell anything, and to tell before all have come
 _UNSEEN_STEPS = 2  # that a turn takes which the heading does not show
+_TOGETHER = 3  # turns that are told together
+_UNUSUAL = 2.5  # times the usual distance from the median
 _PEAK_STEPS = 4  # after which nothing likelier comes
 _CORRELATED = 2.0  # strides overlap by a step
 _DRIFT, _RESTLESS = 0.15, 1.0  # from stretch to stretch gait changes by this share of its push, and of its scatter
@@ -67,7 +69,7 @@ class Carrying:
         self._turning: list[bool] = []
         self._sigma: list[float] = []
         self._open: int | None = None  # last step before a turn that goes on
-        self._judging: tuple[int, int] | None = None  # last step before and last step of the latest turn
+        self._judging: list[tuple[int, int]] = []  # last steps before and last steps of turns not told yet
         self._unseen: tuple[Belief, int] | None = None  # the likeliest of late, and the last step before it
         self._since = 0  # first step after the latest gap of the log
         self._start = Belief(0.0, 0.0, -math.inf)
@@ -91,7 +93,7 @@ class Carrying:
         if not step.chained:
             changed = min(changed, self._judge(final=True))
             changed = min(changed, self._take_unseen())
-            self._since, self._open, self._judging = k, None, None
+            self._since, self._open = k, None
         changed = min(changed, self._follow_turn(k), self._judge(final=False), self._look_for_unseen(k))
         self._count += known
         if self._count >= self._start_due:
@@ -135,12 +137,11 @@ class Carrying:
             back = len(yaw) - 1
             if max(abs(yaw[-1] - y) for y in yaw) >= _TURN_RAD:
                 self._open = k - back
-                changed = self._judge(final=True)
-                self._judging = None
+                changed = self._judge(final=len(self._judging) == _TOGETHER)
                 self._turning[self._open + 1 :] = [True] * back
         elif k - self._open > 2 and abs(yaw[-1] - yaw[-3]) < _STEADY_RAD:
             if k - 2 - self._open <= _TURN_LONGEST:
-                self._judging = self._open, k - 2
+                self._judging.append((self._open, k - 2))
             self._open = None
         else:
             self._turning[k] = True
@@ -149,34 +150,37 @@ class Carrying:
     def _judge(self, final: bool) -> int:
         """Corner or turn in the hand: told once enough steps followed, or no more will."""
         unchanged = len(self._raw)
-        if self._judging is None:
+        if not self._judging:
             return unchanged
-        i, j = self._judging
+        begin, end = self._judging[0][0], self._judging[-1][1]
         last = unchanged if self._open is None else self._open + 1
-        before = self._known(range(max(i - _BEFORE + 1, self._since), i + 1))
-        after = self._known(range(j + 2, min(last, j + 2 + _AFTER)))
-        final = final or unchanged >= j + 2 + _AFTER
+        before = self._known(range(max(begin - _BEFORE + 1, self._since), begin + 1))
+        after = self._known(range(end + 2, min(last, end + 2 + _AFTER)))
+        # who turns once more before this is told: both are told together
+        final = final or unchanged >= end + 2 + _AFTER or (self._open is not None and len(after) >= _FEWEST)
         if not final and len(after) < _SOON:
             return unchanged
-        jump = self._jump(i, j)
-        belief = turn_belief(before, after, jump, self._config)
-        if not final and belief.odds < _SURE:
+        jumps = [self._jump(i, j) for i, j in self._judging]
+        belief = turn_belief(before, after, jumps, self._config)
+        if not final and (belief.odds < _SURE or self._open is not None):
             return unchanged
-        self._judging = None
+        off = [abs(wrap_scalar(jump - belief.angle_rad)) for jump in jumps]
+        which = off.index(min(off))
+        (i, j), self._judging = self._judging[which], []
         if belief.sigma_rad == 0.0:
             return unchanged
-        self._apply(belief, i, j, jump)
+        self._apply(belief, i, j, jumps[which])
         return i + 1
 
     def _look_for_unseen(self, k: int) -> int:
         """A turn of the device that a corner hides, the other way by as much: the push alone shows it."""
         b = k - _UNSEEN_STEPS - _AFTER
-        if self._judging is not None or self._open is not None or b - _FEWEST < self._since:
+        if self._judging or self._open is not None or b - _FEWEST < self._since:
             return len(self._raw)
         before = self._known(range(max(b - _BEFORE + 1, self._since), b + 1))
         after = self._known(range(b + _UNSEEN_STEPS + 1, k + 1))
         if min(len(before), len(after)) >= _SOON:
-            belief = turn_belief(before, after, None, self._config)
+            belief = turn_belief(before, after, [], self._config)
             if belief.odds > (_DOUBT if self._unseen is None else self._unseen[0].odds):
                 self._unseen = belief, b
         if self._unseen is not None and b - self._unseen[1] >= _PEAK_STEPS:
@@ -227,15 +231,17 @@ class Carrying:
         return len(self._raw) if same else 0
 
 
-def turn_belief(before: Pushes, after: Pushes, jump_rad: float | None, config: CarryingConfig) -> Belief:
+def turn_belief(before: Pushes, after: Pushes, jumps_rad: Sequence[float], config: CarryingConfig) -> Belief:
     """By how much the device was turned in the hand.
 
     Args:
         before, after: (N, 2) pushes and sides of the steps before and after, in the device's axes.
-        jump_rad: of the heading between them; None where it did not.
+        jumps_rad: of the heading between them; none where it did not turn.
         config: how likely it is beforehand.
     """
-    if min(len(before), len(after)) < _FEWEST or (jump_rad is not None and abs(wrap_scalar(jump_rad)) < _STEADY_RAD):
+    before, after = usual(before), usual(after)
+    jumps = [jump for jump in map(wrap_scalar, jumps_rad) if abs(jump) >= _TURN_RAD]
+    if min(len(before), len(after)) < _FEWEST or (jumps_rad and not jumps):
         return Belief(0.0, 0.0, -math.inf)
     then, now = before.mean(axis=0), after.mean(axis=0)
     scatter = (np.abs(before - then) ** 2).sum(axis=0) + (np.abs(after - now) ** 2).sum(axis=0)
@@ -252,15 +258,26 @@ def turn_belief(before: Pushes, after: Pushes, jump_rad: float | None, config: C
     any_angle, sigma = cmath.phase(towards), min(1.0 / math.sqrt(max(abs(towards), 0.1)), _ANYWHERE_RAD)
     # of any angle, the share that fits the pushes so well
     fit = against_none(any_angle) + math.log(sigma / math.sqrt(2.0 * math.pi))
-    if jump_rad is None:
-        return _likeliest([(0.0, 0.0, 0.0), (any_angle, sigma, math.log(config.turned_unseen) + fit)])
+    partly = config.turned_in_corner if jumps else config.turned_unseen
     return _likeliest(
         [
             (0.0, 0.0, 0.0),
-            (wrap_scalar(jump_rad), _SIGMA_TURN_RAD, math.log(config.turned_in_hand) + against_none(jump_rad)),
-            (any_angle, sigma, math.log(config.turned_in_corner) + fit),
+            *([(any_angle, sigma, math.log(partly) + fit)] if abs(any_angle) >= _TURN_RAD else []),
+            *((jump, _SIGMA_TURN_RAD, math.log(config.turned_in_hand) + against_none(jump)) for jump in jumps),
         ]
     )
+
+
+def usual(pushes: Pushes) -> Pushes:
+    """Pushes without those far from the rest: setting off and halting push otherwise, and so do missed steps.
+
+    Args:
+        pushes: (N, M) of N strides.
+    """
+    if len(pushes) == 0:
+        return pushes
+    off = np.linalg.norm(pushes - (np.median(pushes.real, axis=0) + 1j * np.median(pushes.imag, axis=0)), axis=1)
+    return np.asarray(pushes[off <= _UNUSUAL * np.median(off) + _NOISE_M_S2])
 
 
 def start_belief(pushes: Pushes, steps: Sequence[Step], config: CarryingConfig) -> Belief:
@@ -280,6 +297,7 @@ def start_belief(pushes: Pushes, steps: Sequence[Step], config: CarryingConfig) 
     prior = config.sigma_worn_rad if worn else config.sigma_held_rad
     if len(pushes) < _START_AT:
         return Belief(0.0, prior if worn else 0.0, -math.inf)
+    pushes = usual(pushes[:, None])[:, 0]
     mean = complex(pushes.mean())
     noise = _CORRELATED * float((np.abs(pushes - mean) ** 2).mean()) / (2.0 * len(pushes))
     variance = (_LAG_ERROR_RAD * abs(mean)) ** 2 + (_LEAK * bounce) ** 2 + noise + _NOISE_M_S2**2
@@ -322,7 +340,7 @@ def _likeliest(candidates: Sequence[tuple[float, float, float]]) -> Belief:
     """Out of angles, their sigmas and log-likelihoods: the first is "as before"."""
     angle, sigma, log = (np.array(column) for column in zip(*candidates, strict=True))
     weight: FloatArray = np.exp(log - log.max())
-    odds = float(np.logaddexp.reduce(log[1:]) - log[0])
+    odds = float(np.logaddexp.reduce(log[1:]) - log[0]) if len(log) > 1 else -math.inf
     if odds < _DOUBT:
         return Belief(float(angle[0]), float(sigma[0]), odds)
     weight /= weight.sum()
