@@ -1,11 +1,11 @@
 """What the compass says at a step, once the device's own iron is taken out.
 
-The horizontal field in the wearer's frame is that of the Earth, of strength H, seen from the walking direction θ, plus
+The horizontal field in the device's frame is that of the Earth, of strength H, seen from its direction θ, plus
 what the device itself adds, the hard iron h, plus the iron of the place:
 
     L (cos m, -sin m) = H (cos θ, -sin θ) + h + iron of the place
 
-with L the horizontal field measured and m the walking direction that it seems to show (Vasconcelos et al., IEEE T-AES
+with L the horizontal field measured and m the direction that it seems to show (Vasconcelos et al., IEEE T-AES
 47(2), 2011). So h shows twice: as a strength and as a compass error that both follow the heading.
 """
 
@@ -34,12 +34,14 @@ class CompassReadings:
     """Compass readings, one or (N,) of them.
 
     Attributes:
-        yaw_rad: walking direction as measured, m.
+        mount_rad: walking direction against the device's forward, with which its own iron turns.
+        yaw_rad: direction of the device's forward as measured, m.
         level_ut: horizontal strength as measured, L.
         own_rad: how far off an undisturbed reading may be; the robust loss begins there.
         sigma_rad: the same, larger as neighbouring steps share the iron of their place.
     """
 
+    mount_rad: FloatArray
     yaw_rad: FloatArray
     level_ut: FloatArray
     own_rad: FloatArray
@@ -88,8 +90,9 @@ def compass_readings(steps: list[Step], field: FieldMemory, config: GraphConfig)
     # (information of a first-order Gauss-Markov process with a = exp(-L / correlation length))
     a = np.exp(-np.maximum(length_m, 0.05) / config.mag_correlation_m)
     level = np.array([step.mag_norm_ut * math.cos(step.mag_dip_rad) for step in steps])
-    yaw = np.array([step.yaw_mag_rad for step in steps])
-    return CompassReadings(yaw, level, own, own * np.sqrt((1.0 + a) / (1.0 - a)))
+    mount = np.array([step.mount_rad for step in steps])
+    yaw = np.array([step.yaw_mag_rad for step in steps]) - mount
+    return CompassReadings(mount, yaw, level, own, own * np.sqrt((1.0 + a) / (1.0 - a)))
 
 
 def compass_residuals(
@@ -108,7 +111,7 @@ def compass_residuals(
     v = -readings.level_ut * np.sin(readings.yaw_rad) - h_y
     level = np.maximum(np.hypot(u, v), 1e-6)
     heard = np.maximum(level, _WEAK * usual)
-    across = wrap_angle(yaw_rad + np.arctan2(v, u))
+    across = wrap_angle(yaw_rad - readings.mount_rad + np.arctan2(v, u))
     strength = (level - iron_ut[:, STRENGTH]) / usual
     zero = np.zeros(len(u))
     limit = config.mag_huber * readings.own_rad

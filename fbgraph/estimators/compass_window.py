@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import gtsam
 import numpy as np
@@ -74,6 +75,13 @@ class CompassWindow:
         self._heard.append((k, reading))
         for factor in self._factors([(k, reading)], [node.yaw_rad]):
             graph.push_back(factor)
+
+    def turned(self, first: int, steps: Sequence[Step]) -> None:
+        """The device was held otherwise than believed at the steps from ``first`` on."""
+        self._heard = [
+            (k, reading if k < first else replace(reading, mount_rad=np.array([steps[k - first].mount_rad])))
+            for k, reading in self._heard
+        ]
 
     def state_of(self, k: int) -> int | None:
         """Which state of the iron a breadcrumb belongs to; None before the first reading."""

@@ -109,6 +109,10 @@ class GraphBuilder:
         self._altitude.add(k, step, previous, graph)
         self._previous = step
 
+    def rewind(self, k: int, previous: Step | None) -> None:
+        """Go on anew with breadcrumb ``k``, after the step ``previous``."""
+        self._k, self._previous = k - 1, previous
+
     def _add_start(self, node: Node, graph: gtsam.NonlinearFactorGraph) -> None:
         sigma = _FREE_M if self._aids.places_known else FIXED
         graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), sigmas(sigma, sigma)))

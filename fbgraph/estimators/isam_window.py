@@ -114,6 +114,31 @@ class IsamWindow:
         self._compass.moved(len(self.nodes) - 1, result, self.first)
         return result
 
+    def rewrite(
+        self, first: int, graphs: Sequence[gtsam.NonlinearFactorGraph], nodes: Sequence[Node], steps: Sequence[Step]
+    ) -> None:
+        """Take the breadcrumbs from ``first`` on anew, as more is known of how the device was held.
+
+        Args:
+            first: in the window, and not where it begins, unless that is the start.
+            graphs: the factors that come with each, without the compass.
+            nodes: where to start the solver.
+            steps: the steps that end there.
+
+        Raises:
+            EstimationError: the solver failed.
+        """
+        self._graphs[first - self.first :] = graphs
+        self.nodes[first:] = nodes
+        self._compass.turned(first, steps)
+        values = gtsam.Values()
+        for k, node in enumerate(self.nodes[self.first :], self.first):
+            values.insert(X(k), node.pose)
+            values.insert(Z(k), node.z_m)
+            values.insert(B(k), node.gyroscope)
+            values.insert(D(k), node.isobar_m)
+        self._rebuild(self.first, values)
+
     def close(self, closures: Iterable[Closure]) -> None:
         """Add closures; where the earlier breadcrumb has left the window, it is fixed.
 

@@ -25,6 +25,7 @@ from fbgraph.estimators.gyroscope import gyro_turn
 from fbgraph.estimators.heading_chain import solve_heading
 from fbgraph.estimators.isam_window import IsamWindow
 from fbgraph.estimators.node import Node
+from fbgraph.front_end.carrying import Carrying
 from fbgraph.front_end.detect_steps import FrontEnd
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import Step, StepTrack
@@ -78,9 +79,11 @@ class OnlineSmoother:
         self._companion = companion
         self._believe_steps = believe_steps
         self._front_end = FrontEnd(config)
+        self._carrying = Carrying(config.carrying)
         self._builder: GraphBuilder | None = None  # made with the first steps
         self._window = IsamWindow(config.online, config.graph, self._aids.places_known)
         self._next_anchor = 0
+        self._anchored: dict[int, list[gtsam.PoseTranslationPrior2D]] = {}  # by the breadcrumb they came with
         self._jumped: list[int] = []  # breadcrumbs where the magnetometer's zero seems to
         self._steps: list[Step] = []
         self._updates: list[Update] = []
@@ -149,6 +152,7 @@ class OnlineSmoother:
             EstimationError: the solver failed.
         """
         self._advance(self._front_end.finish()[0])
+        self._rewrite(self._carrying.finish())
         config, track, known = self._config, self.track, self.estimate()
         smoothed = smooth(track, known, config.graph, config.solver, self._aids, self._window.closures)
         if config.returning.out_and_back and not self._window.closures:
@@ -161,13 +165,15 @@ class OnlineSmoother:
 
     def _advance(self, steps: list[Step]) -> list[Update]:
         updates = []
-        for step in steps:
+        for measured in steps:
+            self._rewrite(self._carrying.add(measured))
+            (step,) = self._carrying.steps(len(self._steps))
             if self._builder is None:  # a walk begins with its start and several steps at once
                 compass_rad = steps[1].yaw_mag_rad
                 self._builder = GraphBuilder(self._config.graph, self._aids, compass=math.isfinite(compass_rad))
                 node = Node(0.0, 0.0, 0.0, compass_rad if math.isfinite(compass_rad) else 0.0, 0.0)
             else:
-                node = self._seed(step)
+                node = self._seed(step, self._steps[-1], self._window.nodes[-1])
             updates.append(self._add(self._builder, step, node))
         return updates
 
@@ -177,7 +183,9 @@ class OnlineSmoother:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         builder.add(step, node, self._window.nodes[-1] if k else None, graph, values)
         self._steps.append(step)
-        for factor in self._anchors_due(step.t_s):
+        if due := self._anchors_due(step.t_s):
+            self._anchored[k] = due
+        for factor in due:
             graph.push_back(factor)
         node = self._window.add(graph, values, node, step)
         self._judge_jump(k, step)
@@ -205,9 +213,30 @@ class OnlineSmoother:
         if len(heading.jumps_ut):
             self._window.recalibrate(heading)
 
-    def _seed(self, step: Step) -> Node:
-        """Where the next breadcrumb should be, by dead reckoning from iSAM2's latest estimate."""
-        previous, before = self._window.nodes[-1], self._steps[-1]
+    def _rewrite(self, first: int) -> None:
+        """From step ``first`` on the device was held otherwise than believed: walk these steps again."""
+        last, window = len(self._steps), self._window
+        if first >= last or self._builder is None:
+            return
+        nodes, believed = list(window.refresh()), self._steps.copy()
+        self._steps[first:] = self._carrying.steps(first)[: last - first]
+        first = max(first, window.first + 1 if window.first else 0)  # what left the window stays as it was
+        if first == 0 and math.isfinite(self._steps[1].yaw_mag_rad):
+            turned_rad = self._steps[0].mount_rad - believed[0].mount_rad
+            nodes[0] = replace(nodes[0], yaw_rad=nodes[0].yaw_rad + turned_rad)
+        self._builder.rewind(first, believed[first - 1] if first else None)
+        graphs = [gtsam.NonlinearFactorGraph() for _ in range(first, last)]
+        for k, graph in enumerate(graphs, first):
+            if k:
+                before = believed[k - 1] if k == first else self._steps[k - 1]
+                nodes[k] = self._seed(self._steps[k], before, nodes[k - 1])
+            self._builder.add(self._steps[k], nodes[k], nodes[k - 1] if k else None, graph, gtsam.Values())
+            for factor in self._anchored.get(k, ()):
+                graph.push_back(factor)
+        window.rewrite(first, graphs, nodes[first:], self._steps[first:])
+
+    def _seed(self, step: Step, before: Step, previous: Node) -> Node:
+        """Where the next breadcrumb should be, by dead reckoning from the one before."""
         turned = 0.0
         if step.chained:
             turn = gyro_turn(before, step, self._config.graph)

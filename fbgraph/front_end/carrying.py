@@ -55,11 +55,7 @@ class Belief:
 
 
 class Carrying:
-    """Takes steps as measured and gives them back turned to the direction of walk. Causal; the same in any pieces.
-
-    Attributes:
-        steps: all so far, as known now.
-    """
+    """Takes steps as measured and gives them back turned to the direction of walk. Causal; the same in any pieces."""
 
     def __init__(self, config: CarryingConfig) -> None:
         self._config = config
@@ -101,19 +97,12 @@ class Carrying:
             changed = min(changed, self._judge_start())
         return changed
 
-    def finish(self) -> None:
-        """No more steps will come."""
-        self._judge(final=True)
-        self._take_unseen()
-        self._judge_start()
+    def finish(self) -> int:
+        """No more steps will come. Returns the first step about which more is known now."""
+        return min(self._judge(final=True), self._take_unseen(), self._judge_start())
 
-    @property
-    def steps(self) -> list[Step]:
-        """All steps so far, their directions those of the walk as known now."""
-        return self.steps_from(0)
-
-    def steps_from(self, first: int) -> list[Step]:
-        """The same from step ``first`` on."""
+    def steps(self, first: int = 0) -> list[Step]:
+        """The steps from ``first`` on, their directions those of the walk as known now."""
         return [self._told(k) for k in range(first, len(self._raw))]
 
     def _told(self, k: int) -> Step:
@@ -333,7 +322,7 @@ def carried(steps: Sequence[Step], config: CarryingConfig) -> list[Step]:
     for step in steps:
         carrying.add(step)
     carrying.finish()
-    return carrying.steps
+    return carrying.steps()
 
 
 def _likeliest(candidates: Sequence[tuple[float, float, float]]) -> Belief:
