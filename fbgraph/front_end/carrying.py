@@ -212,6 +212,8 @@ class Carrying:
 
     def _judge_start(self) -> int:
         """How the device was held from the start, by all pushes so far."""
+        if not self._raw:
+            return 0
         belief = start_belief(self._known(range(len(self._raw)))[:, 0], self._raw, self._config)
         if belief == self._start:
             return len(self._raw)
