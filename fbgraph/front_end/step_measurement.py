@@ -16,6 +16,7 @@ from fbgraph.front_end.step_length import flat_length_m
 from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step
 
 _ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
+_AT_ONCE_S = 1.2  # whose first step ends within it was walking as the log began, or set out with it
 
 
 class StepGauge:
@@ -50,6 +51,8 @@ class StepGauge:
                 steps.append(_standing_start(step, self._altitude_before(peak)))
                 # a rest before the walk tells the bias, but no turn between two steps
                 step = replace(step, rest_drift_rad=0.0, rest_drift_sigma_rad=0.0, jump_x_ut=0.0, jump_y_ut=0.0)
+                if peak.index < _AT_ONCE_S * self._rate_hz:  # what was walked before the log began, or half seen
+                    step = replace(step, doubt_m=math.hypot(step.doubt_m, self._length.start_doubt_m))
             steps.append(step)
             self._last_end, self._last_interval = peak.index, interval
         return steps
