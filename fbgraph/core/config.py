@@ -108,6 +108,18 @@ class StepsConfig(Section):
     """A maximum must stand this far above the valley before it."""
     min_run: Annotated[int, Field(ge=2, le=1000)] = 4
     """Steps come in runs of at least this many."""
+    min_bout: Annotated[int, Field(ge=2, le=1000)] = 2
+    """Or in bouts of at least this many, where the device is held calmly."""
+    min_push_m_s: Positive = 0.5
+    """And goes somewhere meanwhile at least this fast."""
+    min_rhythm: Annotated[float, Field(ge=-1.0, le=1.0)] = 0.55
+    """Correlation of |acc| one step apart that a run must show."""
+    floor_rise_m_s2: Positive = 0.15
+    """In a steady rhythm a maximum needs to stand out by a share of the wearer's own bounce only, and by this."""
+    min_breadth: NonNegative = 0.012
+    """Who moves to and fro on one line (1 - |C|²/(tr C)² of the acceleration's covariance C) does not walk."""
+    steady_s: Seconds = 6.0
+    """A device that swings with every stride for so long is carried, however much it swings."""
     max_tilt_rate_rad_s: Positive = 3.0
     """A device that tilts faster than this on average over a step is being shaken, not carried."""
     max_wobble_rad: Positive = 1.3
@@ -158,9 +170,6 @@ class StepLengthConfig(Section):
     """Metres per fourth root of the peak-to-peak vertical acceleration in m/s²."""
     min_climb_m_s: NonNegative = 0.2
     """A slower change of altitude is taken for air pressure, not for slope."""
-    start_doubt_m: NonNegative = 1.6
-    """Standard deviation of the first step of a log that begins in the middle of a walk: a part of it is missing, the
-    tilt has not settled, and who sets out with the log takes shorter steps than the model knows."""
     shortest_m: Metres = 0.15
     """No step is shorter, whatever the slope."""
 

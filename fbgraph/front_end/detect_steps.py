@@ -17,6 +17,7 @@ from fbgraph.front_end.step_measurement import StepGauge
 from fbgraph.front_end.step_track import Step, StepTrack
 
 _SLOWEST_HZ = 5.0  # of samples that show steps at 2 Hz
+_SHAKEN_M_S2 = 0.5  # who walks moves a device by about so much
 
 
 class FrontEnd:
@@ -33,7 +34,8 @@ class FrontEnd:
 
     def finish(self) -> tuple[list[Step], LevelledSignals]:
         """What was held back for samples that will not come."""
-        return self._advance(self._leveller.finish())
+        steps, signals = self._advance(self._leveller.finish())
+        return steps + [s for run in self._detector.finish() for s in self._gauge.measure(run)], signals
 
     def _advance(self, signals: LevelledSignals) -> tuple[list[Step], LevelledSignals]:
         self._gauge.push(signals)
@@ -50,12 +52,13 @@ def detect_steps(log: SensorLog, config: Config) -> tuple[StepTrack, LevelledSig
     steps, signals = front_end.feed(log)
     last_steps, last_signals = front_end.finish()
     steps += last_steps
+    signals = LevelledSignals.concatenate([signals, last_signals])
     if not steps:
-        raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log)}")
-    return StepTrack(carried(steps, config.carrying)), LevelledSignals.concatenate([signals, last_signals])
+        raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log, signals)}")
+    return StepTrack(carried(steps, config.carrying)), signals
 
 
-def _why_none(log: SensorLog) -> str:
+def _why_none(log: SensorLog, signals: LevelledSignals) -> str:
     """What is most likely wrong with a log without steps, and what to do."""
     left_out = log.counts.get("rows_impossible", 0)
     if left_out > 0.05 * len(log.acc):
@@ -67,5 +70,11 @@ def _why_none(log: SensorLog) -> str:
         return (
             f"the accelerometer runs at {log.acc.rate_hz:.3g} Hz, too slow to show steps: check the unit of the time "
             "column, or record faster"
+        )
+    shaken_m_s2 = float(signals.acc_norm_m_s2.std()) if len(signals) else 0.0
+    if len(signals) and signals.still.mean() < 0.5 and shaken_m_s2 > _SHAKEN_M_S2:
+        return (
+            f"the accelerometer's magnitude varies by {shaken_m_s2:.1f} m/s² without the rhythm of a walk: check whether "
+            "it is noisy, or the device was shaken rather than worn"
         )
     return "nobody walks in this log, or steps.min_rise_m_s2 or steps.lambda_sigma is too high for this device"

@@ -1,91 +1,218 @@
-"""Step detection: the paper's detector over a sliding window."""
+"""Step detection: the paper's detector over a sliding window, led by the wearer's rhythm."""
 
 from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fbgraph.core.config import StepsConfig
-from fbgraph.core.geometry import FloatArray
+from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.rhythm import FRAME_S, Frames, Rhythm, no_frames
 from fbgraph.front_end.running_sums import WindowMoments
 from fbgraph.front_end.step_track import LOOK_BACK_S, Peak
 
 _WOBBLE_WINDOW_S, _WOBBLE_STEP_S = 2.0, 0.1
+_TRUSTED = 0.5  # correlation of |acc| from which a rhythm leads the detector
+_FILLED = 0.6  # and from which a missing top is a step all the same
+_STEADY, _UNSTEADY = 0.7, 0.55  # of a swing that repeats itself with every stride, and of one that no longer does
+_REFRACTORY, _LONGEST = 0.6, 2.2  # periods
+_SURE = 0.75  # and from which its tops may be lower than any hand's
+_SLOW_S = 0.85  # a longer period has several maxima a step, unless they are averaged over twice as long
+_WEAK_TOPS = 2  # more of them are needed then
+_RISE_SIGMA = 0.7  # of a sinusoid, a quarter of its height
+_RUNNING_S, _RUNNING_M_S2 = 0.38, 3.0  # nobody takes so quick steps and hardly moves
+_SWUNG_RAD_S = 0.8  # and of one on a limb
+_CARRIED_RAD_S = 0.5  # mean tilting of a device that is held, not swung
+_HELD_BACK_S = 10.0  # tops that a run may yet confirm; the gauge remembers twelve
+_FILL_S = 0.4  # of a shorter period the half cannot be told from the whole
+_BOUT_INTERVAL_S = (0.4, 1.1)
+_BOUT_TILT_RAD_S = 0.5
+_LOST, _LOST_TOPS = 0.4, 8  # a walk without a rhythm for so many tops is none
+_DEAD_RAD_S = 0.008  # a gyroscope that shows less tells nothing
+_LEAST_SWING = 0.015, 0.01  # rad/s, and for each m/s²: nobody carries a device without turning it a little
+_BOUT_BREADTH = 0.015
+_PUSH_S = 0.6, 0.5  # before the first top of a bout and after the last
+_BOUT_DOUBT, _SWUNG_DOUBT = 0.35, 0.15
+_UNRESOLVED_DOUBT, _UNRESOLVED_SHARE = 0.8, 0.6  # a limb's swing, too brief to be sure that it went anywhere
+_BOUT_SHARE = 0.8  # who sets off and comes to a stand at once takes short steps
+
+
+@dataclass(frozen=True, slots=True)
+class _Top:
+    """A maximum that may become a step: where, whether the device was handled or held calmly meanwhile, the rhythm.
+
+    ``weak`` is one that only the rhythm makes a step.
+    """
+
+    index: int
+    handled: bool
+    calm: bool
+    weak: bool
+    frame: _Frame
 
 
 class StepDetector:
-    """The paper's detector over a sliding window (section Step Detection Algorithm).
+    """The paper's detector over a sliding window (section Step Detection Algorithm), led by the wearer's rhythm.
 
     A step is a local maximum of the moving average of |acc| that exceeds T_s = μ + λ σ and comes later than T_min
-    after the one before. Two conditions of ours keep hands from walking: the maximum stands out from the valley
-    before it, and steps come in runs, without the device being shaken or spun meanwhile.
+    after the one before. Where the acceleration repeats itself, T_min, the average and how far a maximum must stand
+    out follow its period; where a top is missing in a steady rhythm the step is set between its neighbours. What keeps
+    hands from walking: who walks does not move to and fro on one line, steps come in runs (or in short bouts of a
+    device held calmly), and a device that is shaken or spun is not carried, unless it swings with the stride.
     """
 
     def __init__(self, config: StepsConfig, rate_hz: float) -> None:
         self._config = config
         self._rate_hz = rate_hz
         smoothing = max(round(config.smoothing_s * rate_hz), 1)
-        self._smooth = WindowMoments(1, smoothing)
-        self._delay = (smoothing - 1) // 2  # of a moving average over the past
-        self._window = WindowMoments(1, max(round(config.window_s * rate_hz), 1))
+        self._smooth = WindowMoments(1, smoothing), WindowMoments(1, 2 * smoothing)
+        self._delay = (smoothing - 1) // 2, (2 * smoothing - 1) // 2  # of a moving average over the past
+        window = max(round(config.window_s * rate_hz), 1)
+        self._window = WindowMoments(1, window), WindowMoments(1, window)
+        self._rhythm = Rhythm(rate_hz)
         self._past = _Past()
-        self._pending: list[int] = []
+        self._pending: list[_Top] = []
         self._walking = False
+        self._lost = 0  # tops since the walk had a rhythm
 
     def push(self, signals: LevelledSignals) -> list[list[Peak]]:
         """Take the next signals; return the runs, or continuations of runs, that they confirm."""
         if len(signals) == 0:
             return []
-        smooth = self._smooth.push(signals.acc_norm_m_s2[:, None])[0][:, 0]
-        mean, variance, _ = self._window.push(smooth[:, None])
-        threshold = mean[:, 0] + self._config.lambda_sigma * np.sqrt(variance[:, 0])
-        past = self._past.extend(signals, smooth, threshold)
-        runs = []
+        acc = signals.acc_norm_m_s2[:, None]
+        smooth = np.column_stack([average.push(acc)[0] for average in self._smooth])
+        moments = [window.push(smooth[:, i : i + 1]) for i, window in enumerate(self._window)]
+        sigma = np.sqrt(np.column_stack([variance for _, variance, _ in moments]))
+        threshold = np.column_stack([mean for mean, _, _ in moments]) + self._config.lambda_sigma * sigma
+        past = self._past.extend(signals, smooth, threshold, sigma, self._rhythm.push(signals))
+        runs: list[list[Peak]] = []
         value = past.smooth
         # the last sample waits for its successor, so each is judged once, with one sample of delay
         peak = (value[1:-1] > value[:-2]) & (value[1:-1] >= value[2:]) & (value[1:-1] > past.threshold[1:-1])
-        for at in np.flatnonzero(peak) + 1:
-            if past.index[at] > past.judged:
-                run = self._judge(int(at), past)
-                if run:
-                    runs.append(run)
+        at_peaks = np.flatnonzero(np.where(past.slow[1:-1], peak[:, 1], peak[:, 0])) + 1
+        for at in at_peaks[past.index[at_peaks] > past.judged].tolist():
+            runs += self._after_silence(int(past.index[at]))
+            runs += self._judge(at, past)
         past.judged = int(past.index[-2]) if len(past.index) > 1 else past.judged
+        runs += self._after_silence(past.judged + 1)
         past.trim(int(LOOK_BACK_S * self._rate_hz))
-        return runs
+        return [run for run in runs if run]
 
-    def _judge(self, at: int, past: _Past) -> list[Peak]:
+    def finish(self) -> list[list[Peak]]:
+        """The bout that nothing follows."""
+        return [run for run in self._after_silence(self._past.judged + int(10.0 * LOOK_BACK_S * self._rate_hz)) if run]
+
+    def _after_silence(self, index: int) -> list[list[Peak]]:
+        """What ended before it became a run.
+
+        Tops of a device that was held calmly and went somewhere are a bout; a swing that repeated itself for a while
+        is walking whose steps are not resolved: one long step, whose doubt is nearly as large as itself.
+        """
+        config, rate, tops = self._config, self._rate_hz, self._pending
+        if not tops or index - tops[-1].index <= int(2.0 * config.max_interval_s * rate):
+            return []
+        self._pending, walking, self._walking = [], self._walking, False
+        if walking or len(tops) < config.min_bout:
+            return []
+        marks = [top.index for top in tops]
+        gaps_s = np.diff(marks) / rate
+        even = _BOUT_INTERVAL_S[0] <= gaps_s.min() <= gaps_s.max() <= _BOUT_INTERVAL_S[1]
+        calm = even and all(top.calm for top in tops)
+        if calm and self._past.pushed_m_s(marks[0], marks[-1], rate) >= config.min_push_m_s:
+            return [[replace(peak, doubt=_BOUT_DOUBT, share=_BOUT_SHARE) for peak in _peaks(marks)]]
+        rhythm = max(tops, key=lambda top: top.frame.steady_s).frame
+        if len(tops) < config.min_run or rhythm.steady_s < 0.5 * config.steady_s:
+            return []
+        count = (marks[-1] - marks[0]) / (rhythm.period_s * rate)
+        return [[Peak(marks[-1], marks[0], True, _UNRESOLVED_DOUBT, count, _UNRESOLVED_SHARE, swung=True)]]
+
+    def _judge(self, at: int, past: _Past) -> list[list[Peak]]:
         """One local maximum above the threshold: the peaks that it confirms, if any."""
-        config, rate = self._config, self._rate_hz
+        config, rate, frame = self._config, self._rate_hz, past.frame_at(at)
+        slow = int(past.slow[at])
+        led = frame.strength > _TRUSTED and (frame.period_s > _RUNNING_S or frame.moved_m_s2 > _RUNNING_M_S2)
         # the moving average lags behind; but a step never happened in a gap of the log, or before it
-        window = past.index[max(at - self._delay, 0) : at + 1]
+        window = past.index[max(at - self._delay[slow], 0) : at + 1]
         holes = np.flatnonzero(np.diff(window) > 1)
         index = int(window[holes[-1] + 1 if len(holes) else 0])
-        previous = self._pending[-1] if self._pending else None
-        if previous is not None and index - previous <= config.min_interval_s * rate:
+        since_s = (index - self._pending[-1].index) / rate if self._pending else np.inf
+        refractory_s, longest_s = config.min_interval_s, config.max_interval_s
+        if led:
+            short_s = _REFRACTORY * frame.period_s
+            refractory_s = short_s if slow else min(short_s, refractory_s)
+            longest_s = max(longest_s, _LONGEST * frame.period_s) if frame.strength > _SURE else longest_s
+        if since_s <= refractory_s:
             return []
-        in_run = previous is not None and index - previous <= config.max_interval_s * rate
-        reach = index - previous if previous is not None and in_run else int(0.6 * rate)
-        since = max(at - reach, 0)
-        if past.smooth[at] - past.smooth[since : at + 1].min() < config.min_rise_m_s2:
+        in_run = since_s <= longest_s
+        since = max(at - (round(since_s * rate) if in_run else int(0.6 * rate * (1 + slow))), 0)
+        rise = past.smooth[at, slow] - past.smooth[since : at + 1, slow].min()
+        if rise < self._least_rise(past.sigma[at, slow], frame if led and frame.strength > _SURE else None):
             return []
-        if self._handled(at, since, past):
+        if frame.strength > _TRUSTED and frame.bare(config.min_breadth):
             self._pending, self._walking = [], False
             return []
+        handled = self._handled(at, since, past) and not frame.steady_s >= config.steady_s
+        tilt = past.tilt_rate[since : at + 1].mean()
+        calm = max(tilt, frame.swing_rad_s) < _BOUT_TILT_RAD_S and frame.breadth > _BOUT_BREADTH
+        calm = calm and rise >= config.min_rise_m_s2
+        flushed = [] if in_run else self._after_silence(index + int(10 * LOOK_BACK_S * rate))
+        return flushed + self._follow(
+            _Top(index, handled, bool(calm), bool(rise < config.min_rise_m_s2), frame), in_run, frame
+        )
+
+    def _follow(self, top: _Top, in_run: bool, frame: _Frame) -> list[list[Peak]]:
+        """The steps that a top confirms after those before it."""
+        config = self._config
         if not in_run:
-            self._pending, self._walking = [index], False
+            self._pending, self._walking = [top], False
             return []
-        self._pending.append(index)
+        self._lost = 0 if frame.strength > _LOST else self._lost + 1
+        if (top.handled or self._lost > _LOST_TOPS) and self._walking:
+            self._pending, self._walking = [], False
+        self._pending.append(top)
         if self._walking:
-            confirmed = self._pending[-2:]
-            self._pending = confirmed
-            return [Peak(confirmed[1], confirmed[0], first=False)]
-        if len(self._pending) < config.min_run:
-            return []
-        self._walking = True
-        # the first step of a run began about one step duration before its peak
-        starts = [2 * self._pending[0] - self._pending[1], *self._pending]
-        self._pending, run = self._pending[-2:], self._pending
-        return [Peak(end, start, first=start == starts[0]) for start, end in zip(starts, run, strict=False)]
+            before, self._pending = self._pending[-2], self._pending[-1:]
+            marks = self._filled([before.index, top.index], frame)
+            return [[frame.peak(end, start, first=False) for start, end in itertools.pairwise(marks)]]
+        swung = frame.steady_s >= config.steady_s
+        if not swung:
+            handled = [i for i, held in enumerate(self._pending) if held.handled]
+            tops = self._pending[handled[-1] + 1 :] if handled else self._pending
+            least = config.min_run + _WEAK_TOPS * any(held.weak for held in tops[-config.min_run :])
+            if len(tops) < least or max(held.frame.strength for held in tops) < config.min_rhythm:
+                limit = int(_HELD_BACK_S * self._rate_hz)
+                self._pending = [held for held in self._pending if held.index > top.index - limit]
+                return []
+        else:
+            tops = self._pending
+        self._walking, self._pending = True, self._pending[-1:]
+        run = _peaks(self._filled([top.index for top in tops], frame))
+        return [[frame.peak(peak.index, peak.start_index, peak.first) for peak in run]]
+
+    def _filled(self, marks: list[int], frame: _Frame) -> list[int]:
+        """Steps set evenly where a steady rhythm leaves one or two out."""
+        if frame.strength < _FILLED or frame.period_s < _FILL_S:
+            return marks
+        out, period = marks[:1], frame.period_s * self._rate_hz
+        for end in marks[1:]:
+            start = out[-1]
+            steps = (end - start) / period
+            count = round(steps)
+            if 2 <= count <= 3 and abs(steps - count) < 0.3 and self._past.whole(start, end):
+                out += [start + round((end - start) * i / count) for i in range(1, count)]
+            out.append(end)
+        return out
+
+    def _least_rise(self, sigma: float, frame: _Frame | None) -> float:
+        """How far a top must stand out from the valley before it, m/s²."""
+        config = self._config
+        if frame is None:
+            return config.min_rise_m_s2
+        rise = max(_RISE_SIGMA * sigma, config.floor_rise_m_s2)
+        return rise if frame.swing_rad_s > _CARRIED_RAD_S else min(rise, config.min_rise_m_s2)
 
     def _handled(self, at: int, since: int, past: _Past) -> bool:
         """Whether the device is being shaken or spun rather than carried."""
@@ -100,22 +227,108 @@ class StepDetector:
         )
 
 
+def _peaks(marks: list[int]) -> list[Peak]:
+    """A run from its tops; its first step began about one step duration before its top."""
+    starts = [2 * marks[0] - marks[1], *marks]
+    return [Peak(end, start, first=i == 0) for i, (start, end) in enumerate(zip(starts, marks, strict=False))]
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """The rhythm at one moment."""
+
+    period_s: float
+    strength: float
+    breadth: float
+    moved_m_s2: float
+    swing_rad_s: float
+    steady_s: float
+
+    def bare(self, min_breadth: float) -> bool:
+        """Whether a rhythm has nothing of a walk: to and fro on one line, or no turn of the device at all."""
+        least_rad_s = _LEAST_SWING[0] + _LEAST_SWING[1] * self.moved_m_s2
+        return self.breadth < min_breadth or _DEAD_RAD_S < self.swing_rad_s < least_rad_s
+
+    def peak(self, index: int, start_index: int, first: bool) -> Peak:
+        """A step in this rhythm; nobody knows how far a limb's swing carries its wearer."""
+        swung = self.swing_rad_s > _SWUNG_RAD_S
+        return Peak(index, start_index, first, doubt=_SWUNG_DOUBT if swung else 0.0, swung=swung)
+
+
+_NO_RHYTHM = _Frame(1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
 class _Past:
     """Recent signals that the detector looks back on."""
 
     def __init__(self) -> None:
         self.index = np.empty(0, dtype=np.int64)
-        self.smooth = self.threshold = self.yaw = self.tilt_rate = np.empty(0)
+        self.smooth = self.threshold = self.sigma = np.empty((0, 2))
+        self.yaw = self.tilt_rate = np.empty(0)
+        self.level = np.empty((0, 2))
+        self.slow: BoolArray = np.empty(0, dtype=np.bool_)
+        self.frames, self.steady = no_frames(), np.empty(0)
         self.judged = -1
+        self._steady = 0.0
 
-    def extend(self, signals: LevelledSignals, smooth: FloatArray, threshold: FloatArray) -> _Past:
+    def extend(
+        self, signals: LevelledSignals, smooth: FloatArray, threshold: FloatArray, sigma: FloatArray, frames: Frames
+    ) -> _Past:
         self.index = np.concatenate((self.index, signals.index))
         self.smooth = np.concatenate((self.smooth, smooth))
         self.threshold = np.concatenate((self.threshold, threshold))
+        self.sigma = np.concatenate((self.sigma, sigma))
         self.yaw = np.concatenate((self.yaw, signals.yaw_gyro_rad))
+        self.level = np.concatenate((self.level, signals.acc_n_m_s2[:, :2]))
         self.tilt_rate = np.concatenate((self.tilt_rate, signals.tilt_rate_rad_s))
+        self.frames = Frames.concatenate([self.frames, frames])
+        self.steady = np.concatenate((self.steady, self._steadiness(frames)))
+        slow = self.frames.single & (self.frames.period_s > _SLOW_S) & (self.frames.strength > _FILLED)
+        at = np.searchsorted(self.frames.index, signals.index, side="right") - 1
+        self.slow = np.concatenate((self.slow, (at >= 0) & np.append(slow, False)[at]))
         return self
 
+    def _steadiness(self, frames: Frames) -> FloatArray:
+        """(N,) seconds since the swing began to repeat itself with every stride."""
+        lost = (frames.strength < _UNSTEADY) | (frames.stride < _UNSTEADY)
+        good = (frames.strength > _STEADY) & (frames.stride > _STEADY)
+        out = np.empty(len(frames))
+        for i, (bad, fine) in enumerate(zip(lost.tolist(), good.tolist(), strict=True)):
+            self._steady = 0.0 if bad else self._steady + FRAME_S * fine
+            out[i] = self._steady
+        return out
+
+    def pushed_m_s(self, first: int, last: int, rate_hz: float) -> float:
+        """How fast the device went somewhere about these indices, who stood before and after."""
+        lo, hi = np.searchsorted(self.index, (first - _PUSH_S[0] * rate_hz, last + _PUSH_S[1] * rate_hz))
+        acc = self.level[lo:hi]
+        if len(acc) == 0:
+            return 0.0
+        speed = np.cumsum(acc - acc.mean(axis=0), axis=0) / rate_hz
+        return float(np.hypot(*np.ptp(speed, axis=0)))
+
+    def whole(self, first: int, last: int) -> bool:
+        """Whether the log has no gap between two grid indices."""
+        lo, hi = np.searchsorted(self.index, (first, last))
+        return bool(hi - lo == last - first)
+
+    def frame_at(self, at: int) -> _Frame:
+        """The rhythm as it was known at a sample."""
+        frames = self.frames
+        i = int(np.searchsorted(frames.index, self.index[at], side="right")) - 1
+        if i < 0:
+            return _NO_RHYTHM
+        return _Frame(
+            float(frames.period_s[i]),
+            float(frames.strength[i]),
+            float(frames.breadth[i]),
+            float(frames.moved_m_s2[i]),
+            float(frames.swing_rad_s[i]),
+            float(self.steady[i]),
+        )
+
     def trim(self, count: int) -> None:
-        self.index, self.smooth, self.threshold = self.index[-count:], self.smooth[-count:], self.threshold[-count:]
-        self.yaw, self.tilt_rate = self.yaw[-count:], self.tilt_rate[-count:]
+        self.index, self.yaw, self.tilt_rate = self.index[-count:], self.yaw[-count:], self.tilt_rate[-count:]
+        self.smooth, self.threshold, self.sigma = self.smooth[-count:], self.threshold[-count:], self.sigma[-count:]
+        self.slow, self.level = self.slow[-count:], self.level[-count:]
+        self.frames, self.steady = self.frames.tail(count), self.steady[-count:]

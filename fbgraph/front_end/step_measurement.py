@@ -16,7 +16,10 @@ from fbgraph.front_end.step_length import flat_length_m
 from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step
 
 _ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
-_AT_ONCE_S = 1.2  # whose first step ends within it was walking as the log began, or set out with it
+_USUAL_HZ = (1.1, 2.4)  # cadences at which step lengths were measured; nobody knows the runner's and the groper's
+_UNUSUAL_DOUBT = 0.2
+_LIMB_BOUNCE_M_S2 = 12.0  # a limb swings more than its wearer bounces
+_SHARED_DOUBT_M = 20.0  # steps of a stretch share their doubt until it is this large
 
 
 class StepGauge:
@@ -29,7 +32,8 @@ class StepGauge:
         self._rests = Rests(rate_hz, settle_s)
         self._gait = GaitDirection()
         self._last_end: int | None = None
-        self._last_interval: int | None = None
+        self._last_interval: float | None = None
+        self._doubted_m = 0.0  # of the stretch of doubtful steps so far, one sigma
 
     def push(self, signals: LevelledSignals) -> None:
         """Take the next signals, before the peaks found in them."""
@@ -41,7 +45,7 @@ class StepGauge:
         """The steps of a run, the standing start before the very first of all."""
         steps: list[Step] = []
         for peak in run:
-            interval = peak.index - peak.start_index
+            interval = (peak.index - peak.start_index) / peak.count
             stride = interval if peak.first or self._last_interval is None else (interval + self._last_interval) / 2
             first_of_walk = self._last_end is None
             step = self._measure_one(peak, frequency_hz=self._rate_hz / stride)
@@ -51,8 +55,6 @@ class StepGauge:
                 steps.append(_standing_start(step, self._altitude_before(peak)))
                 # a rest before the walk tells the bias, but no turn between two steps
                 step = replace(step, rest_drift_rad=0.0, rest_drift_sigma_rad=0.0, jump_x_ut=0.0, jump_y_ut=0.0)
-                if peak.index < _AT_ONCE_S * self._rate_hz:  # what was walked before the log began, or half seen
-                    step = replace(step, doubt_m=math.hypot(step.doubt_m, self._length.start_doubt_m))
             steps.append(step)
             self._last_end, self._last_interval = peak.index, interval
         return steps
@@ -71,8 +73,12 @@ class StepGauge:
             mean_offset = np.arctan2(np.sin(offset).mean(), np.cos(offset).mean())
             yaw_mag_rad = float(wrap_angle(np.asarray(yaw_gyro_rad + mean_offset)))
         bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
+        bounce = min(bounce, _LIMB_BOUNCE_M_S2) if peak.swung else bounce
         slope = self._slope(signals, hi, frequency_hz, bounce)
-        length = flat_length_m(self._length, frequency_hz, bounce) + self._length.gamma_m * slope
+        # a length that shrinks with cadence does so within the cadences it was measured at
+        model_hz = min(frequency_hz, _USUAL_HZ[1]) if self._length.beta_m_s < 0 else frequency_hz
+        each_m = flat_length_m(self._length, model_hz, bounce) + self._length.gamma_m * slope
+        length = max(each_m, self._length.shortest_m) * peak.count * peak.share
         rest = self._rests.take(peak.index)
         # a hole in the index between this step and the one before is a gap in the log
         since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
@@ -82,12 +88,12 @@ class StepGauge:
         return Step(
             t_s=peak.index / self._rate_hz,
             start_s=peak.start_index / self._rate_hz,
-            length_m=max(length, self._length.shortest_m),
+            length_m=length,
             frequency_hz=frequency_hz,
             slope=slope,
-            shortened_m=abs(self._length.gamma_m * slope),
+            shortened_m=abs(self._length.gamma_m * slope) * peak.count,
             bounce_m_s2=bounce,
-            doubt_m=0.0,
+            doubt_m=self._doubt_m(peak, length, frequency_hz),
             yaw_s=float(signals.t_s[lo:hi].mean()),
             yaw_gyro_rad=yaw_gyro_rad,
             yaw_mag_rad=yaw_mag_rad,
@@ -103,6 +109,14 @@ class StepGauge:
             jump_x_ut=float(signals.field_jump_ut[since + 1 : hi, 0].sum()),
             jump_y_ut=float(signals.field_jump_ut[since + 1 : hi, 1].sum()),
         )
+
+    def _doubt_m(self, peak: Peak, length_m: float, frequency_hz: float) -> float:
+        """What a step adds to the doubt of its stretch, whose steps are wrong together: √(Σ² now - Σ² before)."""
+        usual = _USUAL_HZ[0] <= frequency_hz <= _USUAL_HZ[1]
+        doubt = peak.doubt if usual else math.hypot(peak.doubt, _UNUSUAL_DOUBT)
+        before = 0.0 if doubt == 0 or self._doubted_m > _SHARED_DOUBT_M else self._doubted_m
+        self._doubted_m = before + doubt * length_m if doubt > 0 else 0.0
+        return math.sqrt(max(self._doubted_m**2 - before**2, 0.0))
 
     def _altitude_before(self, peak: Peak) -> float:
         """Mean altitude of the seconds before the first step: the reference of the whole walk."""

@@ -16,11 +16,24 @@ LOOK_BACK_S = 12.0
 
 @dataclass(frozen=True)
 class Peak:
-    """A detected step before it is measured; ``first`` if it opens a run of steps."""
+    """A detected step before it is measured; ``first`` if it opens a run of steps.
+
+    Attributes:
+        index, start_index: where it ends and begins.
+        first: whether it opens a run of steps.
+        doubt: relative standard deviation of its length beyond the model's, shared by the steps of a stretch.
+        count: for how many steps it stands; more than one where they were not told apart.
+        share: of the length of an ordinary step.
+        swung: whether the device swings with a limb or in a bag, whose bounce is not the wearer's.
+    """
 
     index: int
     start_index: int
     first: bool
+    doubt: float = 0.0
+    count: float = 1.0
+    share: float = 1.0
+    swung: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,11 +81,12 @@ def z_of(acc: FloatArray, index: int, window: int) -> float:
 
 @pytest.mark.parametrize("window_s", [4.0, 2.5])
 def test_a_step_exceeds_the_mean_by_lambda_deviations(window_s: float) -> None:
-    """Eleven bumps, the eighth low: it is a step exactly if λ is below what it reaches."""
+    """Eleven bumps, the eighth low and off beat: it is a step exactly if λ is below what it reaches."""
     at = every(50, 11)
-    acc = bumps(at, [3.0] * 7 + [1.75] + [3.0] * 3)
+    at[7] -= 12
+    acc = bumps(at, [3.0] * 7 + [1.75] + [3.0] * 3, width=30)
     z = z_of(acc, at[7], round(window_s * 100))
-    assert 0.1 < z < 0.9
+    assert 0.1 < z < 1.2
     below, above = (StepsConfig(window_s=window_s, lambda_sigma=z + dz) for dz in (-0.005, 0.005))
     assert times(found(acc, below)) == at
     assert times(found(acc, above)) == at[:7] + at[8:]

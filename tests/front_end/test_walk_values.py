@@ -32,8 +32,11 @@ def walk(rate_hz: float = 100.0, late_s: float = 0.0) -> SensorLog:
     """Ten seconds of standing, sixty steps half a second long, five more seconds of standing."""
     t_s = np.arange(round((STAND_S + WALK_S + 5.0) * rate_hz) + 1) / rate_hz
     walking = (t_s > STAND_S - 0.25) & (t_s < STAND_S + WALK_S - 0.25)
-    up = G + np.where(walking, 2.0 * np.cos(2 * np.pi * (t_s - STAND_S) / INTERVAL_S), 0.0)
-    log = turned(yaw, rate, t_s, acc_up=up, tilt_rad=0.5)
+    phase = 2 * np.pi * (t_s - STAND_S) / INTERVAL_S
+    up = G + np.where(walking, 2.0 * np.cos(phase), 0.0)
+    # forward a good quarter of a step before the bounce, to the left with every other step
+    push = np.column_stack((0.6 * np.cos(phase + 1.3), 0.3 * np.sin(phase / 2)))
+    log = turned(yaw, rate, t_s, acc_up=up, acc_level=np.where(walking[:, None], push, 0.0), tilt_rad=0.5)
     # a biased gyroscope: about the vertical, in body axes tilted by half a radian
     n_r_b = about_z(np.zeros(1))[0] @ np.array(
         [[1, 0, 0], [0, np.cos(0.5), -np.sin(0.5)], [0, np.sin(0.5), np.cos(0.5)]]

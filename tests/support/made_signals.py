@@ -24,9 +24,9 @@ def levelled(count: int, first: int = 0, rate_hz: float = 100.0, **given: Any) -
     columns |= {"acc_norm_m_s2": G, "still": False, "up_m_s2": G} | given
     up = np.broadcast_to(columns.pop("up_m_s2"), count)
     columns = {name: np.array(np.broadcast_to(value, count)) for name, value in columns.items()}
-    columns["field_jump_ut"] = np.zeros((count, 2))
     acc_n = np.column_stack((np.zeros(count), np.zeros(count), up))
-    return LevelledSignals(index=index, t_s=index / rate_hz, acc_n_m_s2=acc_n, **columns)
+    jumps = np.zeros((count, 2))
+    return LevelledSignals(index=index, t_s=index / rate_hz, acc_n_m_s2=acc_n, field_jump_ut=jumps, **columns)
 
 
 def same_signals(a: LevelledSignals, b: LevelledSignals) -> bool:
@@ -50,13 +50,20 @@ def turned(
     field_n: FloatArray | None = FIELD_N,
     tilt_rad: float = 0.0,
     acc_up: FloatArray | float = G,
+    acc_level: FloatArray | float = 0.0,
     **streams: Any,
 ) -> SensorLog:
-    """The log of a device that turns about the vertical: its y axis starts North, tilted up by ``tilt_rad``."""
+    """The log of a device that turns about the vertical: its y axis starts North, tilted up by ``tilt_rad``.
+
+    ``acc_level`` is (N, 2), forward and left of the device as it points.
+    """
     c, s = np.cos(tilt_rad), np.sin(tilt_rad)
     tilt = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     nRb = about_z(yaw_rad(t_s)) @ tilt
-    up = np.column_stack((np.zeros((len(t_s), 2)), np.broadcast_to(acc_up, len(t_s))))
+    ahead, left = np.broadcast_to(acc_level, (len(t_s), 2)).T
+    cos, sin = np.cos(yaw_rad(t_s)), np.sin(yaw_rad(t_s))  # ahead is North where the yaw is 0
+    level = np.column_stack((-ahead * sin - left * cos, ahead * cos - left * sin))
+    up = np.column_stack((level, np.broadcast_to(acc_up, len(t_s))))
     spin = np.column_stack((np.zeros((len(t_s), 2)), rate_rad_s(t_s)))
     known: dict[str, Any] = {
         name: Stream(t_s, np.einsum("nji,nj->ni", nRb, v)) for name, v in (("acc", up), ("gyro", spin))

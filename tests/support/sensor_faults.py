@@ -197,10 +197,10 @@ FAULTS = (
     Fault("rows reversed", REFUSED, _T, rows_chosen(lambda count, rng: np.arange(count)[::-1])),
     Fault("log twice (appended)", SILENT, _T, rows_chosen(lambda count, rng: np.tile(np.arange(count), 2))),
     Fault("every row twice", SOUND, _T, rows_chosen(lambda count, rng: np.repeat(np.arange(count), 2))),
-    Fault("acc noise 1 g", SILENT, _A, noisy(ACC, 1.0)),
+    Fault("acc noise 1 g", REFUSED, _A, noisy(ACC, 1.0)),
     Fault("acc noise 5 g", REFUSED, _A, noisy(ACC, 5.0)),
     Fault("gyro noise 100 dps", SILENT, _G, noisy(GYRO, 100.0)),
     Fault("gyro noise 1000 dps", REFUSED, _G, noisy(GYRO, 1000.0)),
-    Fault("no walk: 2 Hz vibration on a table, 60 s", SILENT, _A, lying_on_a_table(shake_g=0.3, noise_g=0.002)),
+    Fault("no walk: 2 Hz vibration on a table, 60 s", REFUSED, _A, lying_on_a_table(shake_g=0.3, noise_g=0.002)),
     Fault("no walk: white noise, 60 s", REFUSED, _A, lying_on_a_table(shake_g=0.0, noise_g=3.0)),
 )
