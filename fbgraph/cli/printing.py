@@ -111,7 +111,13 @@ def _print_return(way_back: dict[str, Any]) -> None:
     if way_back["steps"]:
         text += f", {way_back['steps']} steps guided, {way_back['off_route_steps']} of them off the route, "
         text += f"{way_back['remaining_m']:.1f} m left" if arrived_s is None else f"arrived at {arrived_s:.1f} s"
-    say(f"{text}; {way_back['closures']} closures")
+    say(f"{text}; {closures_text(way_back)}")
+
+
+def closures_text(way_back: dict[str, Any]) -> str:
+    """How many closures there are, and how many of them are doubted."""
+    doubted = way_back.get("closures_doubted", 0)
+    return f"{way_back['closures']} closures" + (f", {doubted} doubted" if doubted else "")
 
 
 _SCORE_HEADS = ["RMSE m", "mean m", "max m", "final m", "scored"]

@@ -10,16 +10,36 @@ from fbgraph.core.georeference import Georeference
 
 
 @dataclass(frozen=True)
+class AnchorFrame:
+    """Where the frame of anchors lies in that of the walk, whose first breadcrumb is the origin.
+
+    Attributes:
+        x_m, y_m: place in the walk's frame of the point ``centre_m``.
+        turn_rad: by which the anchors' x axis is turned against the walk's East, anticlockwise.
+        centre_m: (x, y) in the anchors' frame, near them: large numbers are kept out of the solver.
+        free: whether the turn is to be found; else it is what it is here.
+    """
+
+    x_m: float
+    y_m: float
+    turn_rad: float
+    centre_m: tuple[float, float]
+    free: bool
+
+
+@dataclass(frozen=True)
 class Aids:
     """What an estimator may know besides the sensors.
 
     Attributes:
         anchors: known places, ``t_s`` in seconds since log start; with them the result is in their frame.
         closed_walk: whether the walk ends where it began.
+        frame: where the anchors' frame lies, as far as it is known; None before anchors are compared with a walk.
     """
 
     anchors: Checkpoints | None = None
     closed_walk: bool = False
+    frame: AnchorFrame | None = None
 
     @property
     def places_known(self) -> bool:

@@ -108,6 +108,17 @@ class Checkpoints:
         dx_m, dy_m = other.georeference.local_m(origin)[0]
         return replace(self, x_m=self.x_m + dx_m, y_m=self.y_m + dy_m, georeference=other.georeference)
 
+    def exchanged(self) -> Checkpoints | None:
+        """The same places had latitude and longitude been exchanged; None where that cannot be."""
+        if self.georeference is None or len(self) == 0:
+            return None
+        lat_deg, lon_deg = self.georeference.geodetic_deg(self.xy_m).T
+        if np.abs(lon_deg).max() > 90.0:
+            return None
+        first = Georeference(float(lon_deg[0]), float(lat_deg[0]))
+        x_m, y_m = first.local_m(np.column_stack((lon_deg, lat_deg))).T
+        return replace(self, x_m=x_m, y_m=y_m, georeference=first)
+
     def select(self, which: slice | IntArray | BoolArray) -> Checkpoints:
         """The checkpoints at these indices."""
         fields = ("t_s", "x_m", "y_m", "z_m", "floor", "sigma_m")

@@ -51,3 +51,9 @@ def rotate(quat_wxyz: FloatArray, vectors: FloatArray) -> FloatArray:
 def heading_deg(yaw_rad: float) -> float:
     """Compass heading in [0, 360), clockwise from North, of a yaw counter-clockwise from East. For printing only."""
     return (90.0 - math.degrees(yaw_rad)) % 360.0
+
+
+def turned(places_m: FloatArray, turn_rad: float) -> FloatArray:
+    """(…, 2) places turned about the origin, anticlockwise."""
+    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+    return np.asarray(places_m @ np.array([[cos, sin], [-sin, cos]]))

@@ -17,7 +17,16 @@ from fbgraph.core.config import Config, GraphConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.aided import (
+    CheckedAids,
+    check_aids,
+    in_anchors_frame,
+    in_walks_frame,
+    solved_frame,
+    told_residuals,
+)
 from fbgraph.estimators.altitude_chain import weather_sigma_m
+from fbgraph.estimators.closure_weights import WeighedClosures, weigh
 from fbgraph.estimators.compass_factors import UNIT_UT
 from fbgraph.estimators.estimates import DeviceErrors, Smoothed
 from fbgraph.estimators.factor_graph import build_graph
@@ -56,15 +65,32 @@ def smooth(
     Raises:
         EstimationError: the solver failed or its answer is not finite.
     """
-    aids = aids or Aids()
+    checked = CheckedAids(aids or Aids())
+    if checked.aids.closed_walk or checked.aids.direction_known:
+        alone = _smoothed(track, seed, graph_config, solver_config, Aids(), ()).trajectory
+        checked = check_aids(checked.aids, track, alone, graph_config)
+    smoothed = _smoothed(track, seed, graph_config, solver_config, checked.aids, closures)
+    smoothed = replace(smoothed, residuals=told_residuals(smoothed.residuals, aids, checked.aids))
+    return replace(smoothed, doubts=checked.doubts, notes=checked.notes)
+
+
+def _smoothed(
+    track: StepTrack,
+    seed: Trajectory,
+    graph_config: GraphConfig,
+    solver_config: SolverConfig,
+    aids: Aids,
+    closures: Sequence[Closure],
+) -> Smoothed:
+    """Smooth a walk with aids that have been checked; ``seed`` begins at the origin."""
     by_gyroscope = calibrated_yaw_rad(track)
     seeds = [(seed.yaw_rad, seed.gyro_bias_rad_s), (by_gyroscope, seed.gyro_bias_rad_s)]
     heading = solve_heading(track, seeds, graph_config)
     near = _composed(track, seed, heading)
-    errors = np.empty(0)
+    errors, tied = np.empty(0), _Tied(tuple(closures))
     for _ in range(_PASSES):
-        graph, values = build_graph(track, near, heading, graph_config, aids, closures)
-        solved, trajectory = _solved(track, near, graph, values, graph_config, solver_config, aids)
+        graph, values = build_graph(track, near, heading, graph_config, aids)
+        solved, trajectory = _solved(track, near, graph, values, tied, graph_config, solver_config, aids)
         errors = np.concatenate((errors[:-1], solved.errors))
         heading = _heading_of(heading, solved.values, trajectory)
         moved_rad = np.abs(trajectory.yaw_rad - near.yaw_rad).max()
@@ -73,14 +99,29 @@ def smooth(
             break
     if not np.isfinite(errors[-1]):
         raise EstimationError("the smoother diverged: its error is not finite")
+    tables = compass_table(track, trajectory, heading, graph_config)
+    if tied.weighed is not None:
+        tables = (*tables, tied.weighed.residuals(solved.values))
+    if (frame := solved_frame(solved.values, aids)) is not None:
+        look = partial(in_anchors_frame, trajectory, solved.graph, solved.values, frame)
+        trajectory, aids = _on_deep_stack(look, len(track)), replace(aids, frame=frame)
     return Smoothed(
         trajectory=trajectory,
         errors=errors,
-        factors=graph.size(),
-        residuals=factor_residuals(graph, solved.values, compass_table(track, trajectory, heading, graph_config)),
-        closures=tuple(closures),
+        factors=solved.graph.size(),
+        residuals=factor_residuals(solved.graph, solved.values, tables),
+        closures=tied.closures,
         device=_device_of(heading, solved),
+        aids=aids,
     )
+
+
+@dataclass
+class _Tied:
+    """Closures, and what the first solution left of each."""
+
+    closures: tuple[Closure, ...]
+    weighed: WeighedClosures | None = None
 
 
 def _composed(track: StepTrack, seed: Trajectory, heading: HeadingSolution) -> Trajectory:
@@ -95,11 +136,12 @@ def _solved(
     near: Trajectory,
     graph: gtsam.NonlinearFactorGraph,
     values: gtsam.Values,
+    tied: _Tied,
     graph_config: GraphConfig,
     solver_config: SolverConfig,
     aids: Aids,
 ) -> tuple[_Solved, Trajectory]:
-    """Solve a graph.
+    """Solve a graph and its closures, which are weighed the first time.
 
     Raises:
         EstimationError: neither Cholesky nor QR could.
@@ -108,7 +150,12 @@ def _solved(
     failure: RuntimeError | None = None
     for by_qr in (False, True) if track.chained.all() else (True,):
         try:
-            solved = _on_deep_stack(partial(_solve, graph, values, solver_config, by_qr), len(track))
+            whole, start = gtsam.NonlinearFactorGraph(graph), values
+            if tied.closures and tied.weighed is None:
+                tied.weighed, start = _on_deep_stack(partial(weigh, graph, values, tied.closures, by_qr), len(track))
+            if tied.weighed is not None:
+                tied.weighed.add_to(whole, start)
+            solved = _on_deep_stack(partial(_solve, whole, start, solver_config, by_qr), len(track))
             return solved, _trajectory_of(track, near, solved, graph_config, aids.direction_known)
         except RuntimeError as error:
             failure = error
@@ -146,6 +193,7 @@ def _device_of(heading: HeadingSolution, solved: _Solved) -> DeviceErrors:
 class _Solved:
     """What the solver returned; ``errors`` (I+1,) before the first of I iterations and after each."""
 
+    graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
     marginals: gtsam.Marginals | gtsam.ISAM2
     errors: FloatArray
@@ -165,7 +213,7 @@ def _solve(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, config: Solv
     errors.append(optimizer.error())
     result = optimizer.optimize()
     marginals = _qr_marginals(graph, result) if by_qr else gtsam.Marginals(graph, result)
-    return _Solved(result, marginals, np.array(errors))
+    return _Solved(graph, result, marginals, np.array(errors))
 
 
 def _said(error: RuntimeError | None) -> str:
@@ -202,7 +250,10 @@ def tie_way_back(
     closures = find_closures(smoothed.trajectory, track, turned, config.step_length, config.returning)
     if not closures:
         return smoothed, turned
-    return smooth(track, smoothed.trajectory, config.graph, config.solver, aids, closures), turned
+    near = in_walks_frame(smoothed.trajectory, smoothed.aids.frame)
+    tied = _smoothed(track, near, config.graph, config.solver, smoothed.aids, closures)
+    tied = replace(tied, residuals=told_residuals(tied.residuals, aids, smoothed.aids))
+    return replace(tied, doubts=smoothed.doubts, notes=smoothed.notes), turned
 
 
 def _on_deep_stack(solve: Callable[[], Solved], breadcrumbs: int) -> Solved:
@@ -239,7 +290,7 @@ def _trajectory_of(
     """The breadcrumbs of a solved graph; ``anchored`` says that the walk's own scale and turn are known."""
     count = len(track)
     result, marginals = solved.values, solved.marginals
-    poses = gtsam.utilities.extractPose2(result)
+    poses = gtsam.utilities.extractPose2(result)[-count:]  # breadcrumbs come after the anchors' frame
     z_m = np.array([result.atDouble(Z(k)) for k in range(count)])
     bias = np.array([result.atVector(B(k))[0] for k in range(count)])
     covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+from fbgraph.core.aids import Aids
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
+from fbgraph.core.verdict import Reason
 from fbgraph.way_back.records import Closure, ReturnUpdate
 
 FACTOR_KINDS = (
@@ -81,6 +83,9 @@ class Smoothed:
         residuals: of every factor at the solution, by kind.
         closures: breadcrumbs tied to earlier ones.
         device: what was found out about the device; None of a walk that was not smoothed.
+        aids: as they were used: anchors that contradict the walk with a wider sigma, and where their frame lies.
+        doubts: why some of them are doubted.
+        notes: what else they tell.
     """
 
     trajectory: Trajectory
@@ -89,6 +94,14 @@ class Smoothed:
     residuals: tuple[Residuals, ...]
     closures: tuple[Closure, ...] = ()
     device: DeviceErrors | None = None
+    aids: Aids = field(default_factory=Aids)
+    doubts: tuple[Reason, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def closures_doubted(self) -> int:
+        """How many of the closures had less than half of their pull left."""
+        return sum(int((kind.weight < 0.5).sum()) for kind in self.residuals if kind.name == "closure")
 
     @property
     def iterations(self) -> int:

@@ -16,9 +16,11 @@ of the field, one for each stretch between recalibrations of the magnetometer:
     barometer       D(k), Z(k)          altitude above the isobar, Huber     BetweenFactorDouble
     climb           Z(k-1), Z(k)        ~0 in one step                       BetweenFactorDouble
     weather         D(k-1), D(k)        the isobar wanders                   BetweenFactorDouble
-    anchor          X(k)                a known place, Huber                 PoseTranslationPrior2D
+    anchor          F(0), X(k)          a known place of their frame, Huber  BetweenFactorPose2
+    frame's turn    F(0)                usually none, Cauchy                 PoseRotationPrior2D
     closed walk     X(K)                the end is the start                 PoseTranslationPrior2D
-    closure         X(i), X(j)          the same place again, Cauchy         BetweenFactorPose2
+    closure         X(i), X(j), L(0)    the same place, L beside it          LinearContainerFactor(JacobianFactor)
+    aside           L(0)                ~0 for a way back, Cauchy            PriorFactorDouble
 
 A Pose2's yaw is additive in its tangent space, so the linear heading factor is exact, not an approximation. The compass
 is robust by weights that are computed beforehand (``heading_chain``, Huber): GTSAM has no robust linear factor.
@@ -27,7 +29,6 @@ is robust by weights that are computed beforehand (``heading_chain``, Huber): GT
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import gtsam
 import numpy as np
@@ -45,9 +46,7 @@ from fbgraph.estimators.heading_chain import HeadingSolution
 from fbgraph.estimators.node import Node
 from fbgraph.estimators.noise_models import FIXED, FREE_RAD, sigmas
 from fbgraph.front_end.step_track import Step, StepTrack
-from fbgraph.way_back.records import Closure
 
-_FREE_M = 1000.0
 _YAW_ROW = np.array([[0.0, 0.0, 1.0]])
 _BIAS_ROW = np.array([[1.0, 0.0]])
 _SCALE_WALK = 1e-5  # of the scale from step to step: none, but a system that is well conditioned
@@ -71,7 +70,7 @@ class GraphBuilder:
         """
         self._config = config
         self._aids = aids
-        self._compass = compass
+        self.compass = compass
         aided = aids.places_known or aids.closed_walk
         shared = config.sigma_length_scale * math.sqrt(config.aided_length_steps) if aided else 0.0
         self._sigma_length_rel = math.hypot(config.sigma_length_rel, shared)
@@ -114,11 +113,10 @@ class GraphBuilder:
         self._k, self._previous = k - 1, previous
 
     def _add_start(self, node: Node, graph: gtsam.NonlinearFactorGraph) -> None:
-        sigma = _FREE_M if self._aids.places_known else FIXED
-        graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), sigmas(sigma, sigma)))
+        graph.push_back(gtsam.PoseTranslationPrior2D(X(0), gtsam.Pose2(), sigmas(FIXED, FIXED)))
         model = sigmas(self._config.sigma_bias_rad_s, self._config.sigma_gyro_scale)
         graph.push_back(gtsam.PriorFactorVector(B(0), np.zeros(2), model))
-        sigma = FREE_RAD if self._compass or self._aids.direction_known else FIXED
+        sigma = FREE_RAD if self.compass else FIXED
         graph.push_back(gtsam.PoseRotationPrior2D(X(0), gtsam.Rot2(node.yaw_rad), sigmas(sigma)))
 
     def _add_length(self, k: int, step: Step, previous: Step, graph: gtsam.NonlinearFactorGraph) -> None:
@@ -154,7 +152,6 @@ def build_graph(
     heading: HeadingSolution,
     config: GraphConfig,
     aids: Aids,
-    closures: Sequence[Closure] = (),
 ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
     """The graph of a whole walk, and the first values of its nodes.
 
@@ -164,7 +161,6 @@ def build_graph(
         heading: what is known of the device's iron and the gyroscope's scale, and which stretches to tell apart.
         config: weights.
         aids: anchors and a closed end.
-        closures: breadcrumbs at the places of earlier ones.
     """
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     builder = GraphBuilder(config, aids, compass=bool(np.isfinite(track.yaw_mag_rad[1])))
@@ -178,7 +174,7 @@ def build_graph(
     known = np.isfinite(track.yaw_mag_rad)
     if known.any():
         _add_compass(graph, values, np.flatnonzero(known), seed.yaw_rad[known], heading, config)
-    add_aids(graph, track, aids, closures, config)
+    add_aids(graph, values, track, aids, config)
     return graph, values
 
 

@@ -80,9 +80,7 @@ class IsamWindow:
         self._compass.hear(k, step, node, with_compass, values)
         with _solving(f"step {k}"):
             self._isam.update(with_compass, values)
-            pose, b = self._isam.calculateEstimatePose2(X(k)), self._isam.calculateEstimateVector(B(k))
-            z_m, isobar_m = (self._isam.calculateEstimateDouble(key) for key in (Z(k), D(k)))
-        self.nodes[k] = _near(node.yaw_rad, pose, z_m, b, isobar_m)
+        self._latest()
         if len(self._graphs) >= 2 * self._config.window_steps:
             self._shorten()
         elif self._compass.iron_ut and self._compass.stale(k, self._iron()):
@@ -113,6 +111,28 @@ class IsamWindow:
         self.nodes[self.first :] = self._read(result)
         self._compass.moved(len(self.nodes) - 1, result, self.first)
         return result
+
+    def hold(self, k: int, factor: gtsam.NonlinearFactor) -> Node:
+        """Add a factor on breadcrumb ``k`` of the window, and return the latest breadcrumb as solved.
+
+        Raises:
+            EstimationError: the solver failed.
+        """
+        graph = gtsam.NonlinearFactorGraph()
+        graph.push_back(factor)
+        self._graphs[k - self.first].push_back(factor)
+        with _solving("an anchor"):
+            self._isam.update(graph, gtsam.Values())
+        return self._latest()
+
+    def _latest(self) -> Node:
+        """The latest breadcrumb as solved."""
+        k = len(self.nodes) - 1
+        with _solving(f"step {k}"):
+            pose, b = self._isam.calculateEstimatePose2(X(k)), self._isam.calculateEstimateVector(B(k))
+            z_m, isobar_m = (self._isam.calculateEstimateDouble(key) for key in (Z(k), D(k)))
+            solved = self.nodes[k] = _near(self.nodes[k].yaw_rad, pose, z_m, b, isobar_m)
+        return solved
 
     def rewrite(
         self, first: int, graphs: Sequence[gtsam.NonlinearFactorGraph], nodes: Sequence[Node], steps: Sequence[Step]

@@ -11,13 +11,11 @@ import gtsam
 import numpy as np
 
 from fbgraph.core.aids import Aids
-from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.config import Config
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import wrap_scalar
 from fbgraph.core.sensor_log import Event, SensorLog
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
-from fbgraph.estimators.aid_factors import anchor_factor
 from fbgraph.estimators.batch_smoother import smooth, tie_way_back
 from fbgraph.estimators.estimates import Belief, Smoothed, Update
 from fbgraph.estimators.factor_graph import GraphBuilder
@@ -25,6 +23,7 @@ from fbgraph.estimators.gyroscope import gyro_turn
 from fbgraph.estimators.heading_chain import solve_heading
 from fbgraph.estimators.isam_window import IsamWindow
 from fbgraph.estimators.node import Node
+from fbgraph.estimators.online_anchors import OnlineAnchors
 from fbgraph.front_end.carrying import Carrying
 from fbgraph.front_end.detect_steps import FrontEnd
 from fbgraph.front_end.levelled_signals import LevelledSignals
@@ -82,8 +81,8 @@ class OnlineSmoother:
         self._carrying = Carrying(config.carrying)
         self._builder: GraphBuilder | None = None  # made with the first steps
         self._window = IsamWindow(config.online, config.graph, self._aids.places_known)
-        self._next_anchor = 0
-        self._anchored: dict[int, list[gtsam.PoseTranslationPrior2D]] = {}  # by the breadcrumb they came with
+        self._anchors = OnlineAnchors(self._aids.anchors, config.graph)
+        self._anchored: dict[int, list[gtsam.PoseTranslationPrior2D]] = {}  # by breadcrumb
         self._jumped: list[int] = []  # breadcrumbs where the magnetometer's zero seems to
         self._steps: list[Step] = []
         self._updates: list[Update] = []
@@ -111,6 +110,10 @@ class OnlineSmoother:
         Raises:
             DataError: no step yet.
         """
+        return self._anchors.walk(self._own_estimate())
+
+    def _own_estimate(self) -> Trajectory:
+        """The same in the walk's own frame, which begins at the origin."""
         self._require_steps()
         columns = np.array([(n.x_m, n.y_m, n.z_m, n.yaw_rad, n.bias_rad_s) for n in self._window.refresh()]).T
         return Trajectory(np.array([s.t_s for s in self._steps]), *columns)
@@ -123,7 +126,7 @@ class OnlineSmoother:
         """
         self._require_steps()
         xy_m = np.array([(node.x_m, node.y_m) for node in self._window.glimpse()])
-        return Belief(len(self._steps) - 1, self._steps[-1].t_s, self._window.first, xy_m)
+        return Belief(len(self._steps) - 1, self._steps[-1].t_s, self._window.first, self._anchors.places(xy_m))
 
     @property
     def steps(self) -> Sequence[Step]:
@@ -153,7 +156,7 @@ class OnlineSmoother:
         """
         self._advance(self._front_end.finish()[0])
         self._rewrite(self._carrying.finish())
-        config, track, known = self._config, self.track, self.estimate()
+        config, track, known = self._config, self.track, self._own_estimate()
         smoothed = smooth(track, known, config.graph, config.solver, self._aids, self._window.closures)
         if config.returning.out_and_back and not self._window.closures:
             smoothed, self.turn_back = tie_way_back(smoothed, track, known, config, self._aids)
@@ -183,18 +186,22 @@ class OnlineSmoother:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         builder.add(step, node, self._window.nodes[-1] if k else None, graph, values)
         self._steps.append(step)
-        if due := self._anchors_due(step.t_s):
-            self._anchored[k] = due
-        for factor in due:
-            graph.push_back(factor)
         node = self._window.add(graph, values, node, step)
+        if self._anchors.waiting(step.t_s):
+            walk = self._own_estimate()
+            for at, factor in self._anchors.due(self._steps, walk, self._window.first, builder.compass):
+                node = self._window.hold(at, factor)
+                self._anchored.setdefault(at, []).append(factor)
         self._judge_jump(k, step)
         walked_m = (self._updates[-1].distance_m if self._updates else 0.0) + step.length_m
         update = Update(k, step.t_s, node.x_m, node.y_m, node.z_m, node.yaw_rad, node.bias_rad_s, walked_m)
         if self._companion is not None:
-            told, closures = self._companion.advance(update, step, self.estimate)
+            # the way back is known by distances and turns: it needs no frame, and none may change under it
+            told, closures = self._companion.advance(update, step, self._own_estimate)
             self._window.close(closures)
             update = replace(update, returning=told)
+        x_m, y_m, yaw_rad = self._anchors.seen(update)
+        update = replace(update, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
         self._updates.append(update)
         if self._believe_steps and k and k % self._believe_steps == 0:
             self.beliefs.append(self.belief())
@@ -247,16 +254,3 @@ class OnlineSmoother:
         x_m = previous.x_m + step.length_m * math.cos(yaw)
         y_m = previous.y_m + step.length_m * math.sin(yaw)
         return Node(x_m, y_m, previous.z_m, yaw, previous.bias_rad_s, previous.isobar_m, previous.gyro_scale)
-
-    def _anchors_due(self, now_s: float) -> list[gtsam.PoseTranslationPrior2D]:
-        """Factors of the anchors whose time has come, at the breadcrumb nearest in time as in the batch graph."""
-        factors: list[gtsam.PoseTranslationPrior2D] = []
-        anchors = self._aids.anchors
-        while anchors is not None and self._next_anchor < len(anchors) and anchors.t_s[self._next_anchor] <= now_s:
-            last = len(self._steps) - 1
-            lately_s = np.array([step.t_s for step in self._steps[max(last - 1, 0) :]])
-            due = anchors.select(slice(self._next_anchor, self._next_anchor + 1))
-            k = max(last - 1, 0) + int(anchor_breadcrumbs(due, lately_s)[0])
-            factors.append(anchor_factor(anchors, self._next_anchor, k, self._steps[k], self._config.graph))
-            self._next_anchor += 1
-        return factors

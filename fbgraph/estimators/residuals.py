@@ -20,7 +20,7 @@ from fbgraph.estimators.estimates import FACTOR_KINDS, Residuals
 from fbgraph.estimators.heading_chain import HeadingSolution
 from fbgraph.front_end.step_track import StepTrack
 
-_X, _Z, _B, _D, _I = (ord(letter) for letter in "xzbdi")  # states
+_X, _Z, _B, _D, _I, _F, _L = (ord(letter) for letter in "xzbdifl")  # states
 
 
 def compass_table(
@@ -46,7 +46,7 @@ def compass_table(
 
 
 def factor_residuals(
-    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, compass: tuple[Residuals, ...] = ()
+    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, others: tuple[Residuals, ...] = ()
 ) -> tuple[Residuals, ...]:
     """Residuals of every factor, by kind; kinds that the graph lacks are left out.
 
@@ -63,20 +63,22 @@ def factor_residuals(
         kind, states = type(factor).__name__, {key.chr() for key in keys}
         if _I in states:
             continue  # the compass: see ``compass_table``
+        if _L in states or states == {_F}:
+            continue  # closures are weighed by themselves; how the anchors' frame lies is no complaint
         whitened, weight = _whitened(factor, values)
-        consecutive = len(keys) > 1 and abs(keys[0].index() - keys[1].index()) == 1
+        consecutive = _F not in states and len(keys) > 1 and abs(keys[0].index() - keys[1].index()) == 1
         if kind == "BetweenFactorPose2" and consecutive:
             # the factor sees k-1 from k, where forward is negative
             rows["step_length"].append((k, -float(whitened[0]), weight))
             rows["step_sideways"].append((k, -float(whitened[1]), weight))
-        elif (name := _name(kind, states, k, factor)) is not None:
+        elif (name := "anchor" if _F in states else _name(kind, states, k, factor)) is not None:
             # of the gyroscope the bias, of a place how far
             single = len(whitened) == 1 or _B in states
             value = float(whitened[0]) if single else float(np.hypot(whitened[0], whitened[1]))
             rows[name].append((k, value, weight))
     tables = {name: np.array(row) for name, row in rows.items() if row}
     found = {name: Residuals(name, t[:, 0].astype(np.int64), t[:, 1], t[:, 2]) for name, t in tables.items()}
-    found |= {table.name: table for table in compass}
+    found |= {table.name: table for table in others}
     return tuple(found[name] for name in FACTOR_KINDS if name in found)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Integrity, Verdict
+from fbgraph.integrity.aid_checks import aids_that_contradict, closures_doubted
 from fbgraph.integrity.carrying_checks import mount_does_not_fit, turned_in_hand
 from fbgraph.integrity.compass_checks import compass_against_gyroscope, field_strength, field_upside_down
 from fbgraph.integrity.evidence import Check, Doubt, Evidence, SensedCheck
@@ -58,6 +59,8 @@ CHECKS: tuple[Check, ...] = (
     smoother_against_others,
     mount_does_not_fit,
     turned_in_hand,
+    aids_that_contradict,
+    closures_doubted,
 )
 """In no order: what they find is sorted by weight."""
 

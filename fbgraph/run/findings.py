@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbgraph.core.checkpoints import anchor_breadcrumbs
-from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.core.geometry import FloatArray, turned, wrap_angle
 from fbgraph.run.metrics import leg_errors
 from fbgraph.run.timeline_lanes import DOUBTED_BELOW, MOVING, compass_trust, stretches, wearer_lane
 from fbgraph.run.walk_result import WalkResult
@@ -113,7 +113,8 @@ def _gaps(result: WalkResult) -> list[Finding]:
 def _places(result: WalkResult) -> list[Finding]:
     """What anchors, closures and a closed end did to the walk, and which of them were doubted."""
     smoothed, ekf, track = result.smoothed.trajectory, result.trajectories["ekf"], result.track
-    free = ekf.xy_m - ekf.xy_m[0] + smoothed.xy_m[0]
+    frame = result.smoothed.aids.frame
+    free = turned(ekf.xy_m - ekf.xy_m[0], 0.0 if frame is None else -frame.turn_rad) + smoothed.xy_m[0]
     weights = {
         kind.name: dict(zip(kind.k.tolist(), kind.weight.tolist(), strict=True)) for kind in result.smoothed.residuals
     }
@@ -121,11 +122,11 @@ def _places(result: WalkResult) -> list[Finding]:
     if (anchors := result.aids.anchors) is not None:
         crumbs = anchor_breadcrumbs(anchors, track.t_s).tolist()
         told += [("anchor", k, place) for k, place in zip(crumbs, anchors.xy_m, strict=True)]
-    if result.told.closed_walk:
+    if result.told.closed_walk and not any(reason.kind == "closed_walk" for reason in result.smoothed.doubts):
         told.append(("closed walk", len(smoothed) - 1, smoothed.xy_m[0]))
     found = []
     if closures := result.smoothed.closures:
-        doubted = sum(weights.get("closure", {}).get(closure.j, 1.0) < DOUBTED_BELOW for closure in closures)
+        doubted = result.smoothed.closures_doubted
         both = [np.median([np.hypot(*(path[c.i] - path[c.j])) for c in closures]) for path in (smoothed.xy_m, free)]
         text = (
             f"the way back was tied to the way out at {len(closures)} places ({doubted} doubted): both passes are "

@@ -111,6 +111,7 @@ def return_entry(result: WalkResult) -> dict[str, Any] | None:
         "arrived_t_s": arrived[0] if arrived else None,
         "remaining_m": result.returning[-1].remaining_m if result.returning else None,
         "closures": len(result.smoothed.closures),
+        "closures_doubted": result.smoothed.closures_doubted,
     }
 
 
@@ -118,7 +119,7 @@ def warnings(result: WalkResult) -> list[str]:
     """What the user should know before believing the result."""
     log, track = result.log, result.track
     found = [f"the {name} trajectory is missing, its estimator failed: {why}" for name, why in result.failed.items()]
-    found += log.notices
+    found += [*log.notices, *result.smoothed.notes]
     compass = bool(np.isfinite(track.yaw_mag_rad).any())
     if result.told.truth is not None and len(result.told.truth) < 2:
         found.append("not scored: the truth has one checkpoint, and the walk is moved to agree with the first")

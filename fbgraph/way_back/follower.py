@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fbgraph.core.config import ReturnConfig, StepLengthConfig
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.front_end.step_track import Step, StepTrack
-from fbgraph.way_back.closures import ClosureMaker
+from fbgraph.way_back.closures import ClosureMaker, beside_m
 from fbgraph.way_back.matcher import RouteMatcher
 from fbgraph.way_back.records import Closure, Match, TurnBack
 from fbgraph.way_back.way_out import Outbound, field_of, gap_before_s, level_length_m
@@ -16,17 +16,20 @@ from fbgraph.way_back.way_out import Outbound, field_of, gap_before_s, level_len
 class RouteFollower:
     """Steps after the turn-back in; where on the way out they are, and which may be tied to it; causal."""
 
-    def __init__(self, outbound: Outbound, length: StepLengthConfig, config: ReturnConfig) -> None:
+    def __init__(
+        self, outbound: Outbound, length: StepLengthConfig, config: ReturnConfig, across_m: float = 0.0
+    ) -> None:
         """A follower that stands at the end of the way out.
 
         Args:
             outbound: the way out.
             length: as the steps were measured.
             config: of the matcher.
+            across_m: how far beside the way out the way back begins, from ``closures.beside_m``.
         """
         self._length = length
         self._matcher = RouteMatcher(outbound, config)
-        self._closures = ClosureMaker(outbound, config)
+        self._closures = ClosureMaker(outbound, config, across_m)
 
     def advance(self, steps: Sequence[Step], k: int, yaw_rad: float) -> tuple[Match, Closure | None]:
         """Take the next step; return where it is, and its closure if it is worth one.
@@ -58,7 +61,7 @@ def find_closures(
     if turned is None:
         return ()
     outbound = Outbound.of(trajectory, track.steps, length, turned.breadcrumb)
-    follower = RouteFollower(outbound, length, config)
+    follower = RouteFollower(outbound, length, config, beside_m(trajectory, turned.breadcrumb))
     found = (
         follower.advance(track.steps, k, float(trajectory.yaw_rad[k]))[1]
         for k in range(turned.breadcrumb + 1, len(track))

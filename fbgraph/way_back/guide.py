@@ -11,6 +11,7 @@ from fbgraph.core.config import Config
 from fbgraph.core.sensor_log import Event
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
 from fbgraph.front_end.step_track import Step
+from fbgraph.way_back.closures import beside_m
 from fbgraph.way_back.follower import RouteFollower
 from fbgraph.way_back.records import Closure, Crumb, Match, ReturnUpdate, TurnBack
 from fbgraph.way_back.texts import turn_text
@@ -114,7 +115,7 @@ class ReturnGuide:
         turned = self.turn_back.breadcrumb
         self.outbound = outbound = Outbound.of(known, self._steps, self._length, turned)
         self._turns = _turns_back(known, turned, outbound)
-        self._follower = RouteFollower(outbound, self._length, self._config)
+        self._follower = RouteFollower(outbound, self._length, self._config, beside_m(known, turned))
         found: list[Closure] = []
         for j in range(turned + 1, k + 1):
             self._yaws[j] = float(known.yaw_rad[j])

@@ -99,6 +99,7 @@ class Closure:
         i, j: breadcrumbs.
         sigma_along_m, sigma_across_m: standard deviations along the direction walked at ``i`` and across it.
         along_m: how far beyond ``i``, in that direction, ``j`` is.
+        across_m: how far to the left of ``i``, facing that direction, by dead reckoning round the turn.
     """
 
     i: int
@@ -106,3 +107,4 @@ class Closure:
     sigma_along_m: float
     sigma_across_m: float
     along_m: float = 0.0
+    across_m: float = 0.0

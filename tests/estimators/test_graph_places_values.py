@@ -6,7 +6,7 @@ from typing import Any
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import B, X, Z
+from gtsam.symbol_shorthand import B, F, X, Z
 from support.factors import (
     NAN,
     factors_of,
@@ -21,10 +21,16 @@ from support.factors import (
     walk_track,
 )
 
-from fbgraph.core.aids import Aids
+from fbgraph.core.aids import Aids, AnchorFrame
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.config import GraphConfig
-from fbgraph.estimators.aid_factors import anchor_factor, closed_walk_factor, closure_factor, closure_prior
+from fbgraph.estimators.aid_factors import (
+    anchor_factor,
+    closed_walk_factor,
+    closure_factor,
+    closure_prior,
+    framed_anchor_factor,
+)
 from fbgraph.estimators.factor_graph import build_graph
 from fbgraph.estimators.node import Node
 from fbgraph.way_back.records import Closure
@@ -56,10 +62,10 @@ def test_without_a_compass_the_first_direction_is_the_reference() -> None:
     assert start_sigmas(Aids(), compass=False) == ([1e-3, 1e-3], [1e-3])
 
 
-def test_one_anchor_frees_the_place_and_two_the_direction() -> None:
-    assert start_sigmas(Aids(ONE), compass=False) == ([1000.0, 1000.0], [1e-3])
-    assert start_sigmas(Aids(TWO), compass=False) == ([1000.0, 1000.0], [100.0])
-    assert start_sigmas(Aids(ONE), compass=True) == ([1000.0, 1000.0], [100.0])
+def test_anchors_change_nothing_about_that_for_they_have_a_frame_of_their_own() -> None:
+    for anchors in (ONE, TWO):
+        assert start_sigmas(Aids(anchors), compass=False) == ([1e-3, 1e-3], [1e-3])
+        assert start_sigmas(Aids(anchors), compass=True) == ([1e-3, 1e-3], [100.0])
 
 
 def test_the_start_is_at_zero_and_faces_where_it_is_said_to() -> None:
@@ -133,28 +139,62 @@ def test_a_closure_to_a_fixed_breadcrumb_is_a_wider_place() -> None:
     assert factor.error(values) == pytest.approx(0.5 * math.log(10.0))
 
 
-def built(aids: Aids, closures: tuple[Closure, ...] = (), compass: bool = False) -> gtsam.NonlinearFactorGraph:
+def whole(aids: Aids, compass: bool = False) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
     yaw = np.zeros(5)
     track = walk_track(yaw, compass=yaw if compass else None)
-    return build_graph(track, seed_of(track, np.full(6, 0.2), 0.003), CONFIG, aids, closures)[0]
+    return build_graph(track, seed_of(track, np.full(6, 0.2), 0.003), CONFIG, aids)
+
+
+def built(aids: Aids, compass: bool = False) -> gtsam.NonlinearFactorGraph:
+    return whole(aids, compass)[0]
 
 
 def test_a_whole_walks_graph_has_each_anchor_at_the_breadcrumb_nearest_in_time() -> None:
     # breadcrumbs at 0, 0.5, 1, 1.5, 2, 2.5 s
     graph = built(Aids(places((0.2, 1.0, 0.0), (1.3, 2.0, 0.0), (9.0, 3.0, 0.0))))
-    robust = [f for k in range(6) for f in factors_of(graph, "PoseTranslationPrior2D", X(k)) if is_robust(f)]
-    assert [tuple(f.keys()) for f in robust] == [(X(0),), (X(3),), (X(5),)]
+    robust = [f for k in range(6) for f in factors_of(graph, "BetweenFactorPose2", F(0), X(k))]
+    assert all(is_robust(f) for f in robust)
+    assert [tuple(f.keys()) for f in robust] == [(F(0), X(0)), (F(0), X(3)), (F(0), X(5))]
     values = values_at(*[(0.0, 0.0, 0.0, 0.0, 0.0)] * 6)
-    assert [f.unwhitenedError(values)[0] for f in robust] == [-1.0, -2.0, -3.0]
-    assert sigmas_of(robust[0]) == pytest.approx([0.4, 0.4])  # the standing start has no length
-    assert sigmas_of(robust[1]) == pytest.approx([math.hypot(0.4, 0.35)] * 2)
+    values.insert(F(0), gtsam.Pose2())
+    # counted from the first of them
+    assert [f.unwhitenedError(values)[0] for f in robust] == [0.0, -1.0, -2.0]
+    assert sigmas_of(robust[0]) == pytest.approx([0.4, 0.4, 100.0])  # the standing start has no length
+    assert sigmas_of(robust[1]) == pytest.approx([math.hypot(0.4, 0.35)] * 2 + [100.0])
 
 
-def test_a_whole_walks_graph_has_its_closed_end_and_closures() -> None:
-    graph = built(Aids(closed_walk=True), (CLOSURE, Closure(0, 5, 1.0, 1.0)))
+def test_an_anchor_of_a_turned_frame_counts_in_that_frame() -> None:
+    frame = AnchorFrame(3.0, 4.0, math.pi / 2, (100.0, 200.0), free=True)
+    factor = framed_anchor_factor(places((1.0, 102.0, 201.0)), 0, 4, make_step(length_m=0.6), frame, CONFIG)
+    values = gtsam.Values()
+    values.insert(F(0), gtsam.Pose2(3.0, 4.0, math.pi / 2))
+    values.insert(X(4), gtsam.Pose2(2.0, 6.0, 0.7))  # (2, 1) from the centre, turned by a quarter
+    assert np.allclose(factor.unwhitenedError(values)[:2], 0.0)
+    assert sigmas_of(factor) == pytest.approx([0.5, 0.5, 100.0])
+
+
+def test_a_frame_lies_at_the_first_anchor_and_is_usually_not_turned() -> None:
+    graph, values = whole(Aids(places((1.1, 50.0, 60.0), (1.6, 51.0, 60.0))), compass=True)
+    place = values.atPose2(X(2))
+    assert (values.atPose2(F(0)).x(), values.atPose2(F(0)).y(), values.atPose2(F(0)).theta()) == pytest.approx(
+        (place.x(), place.y(), 0.0)
+    )
+    turn = the_factor(graph, "PoseRotationPrior2D", F(0))
+    assert (sigmas_of(turn), is_robust(turn)) == ([0.2], True)
+    turned = gtsam.Values()
+    turned.insert(F(0), gtsam.Pose2(0.0, 0.0, 0.6))
+    assert turn.error(turned) == pytest.approx(0.5 * math.log(10.0))  # Cauchy, three sigma
+
+
+def test_without_a_compass_a_frame_may_be_turned_by_any_angle_but_one_anchor_tells_none() -> None:
+    for anchors, sigma in ((TWO, 100.0), (ONE, 1e-3)):
+        turn = the_factor(built(Aids(anchors)), "PoseRotationPrior2D", F(0))
+        assert (sigmas_of(turn), is_robust(turn)) == ([sigma], False)
+
+
+def test_a_whole_walks_graph_has_its_closed_end() -> None:
+    graph = built(Aids(closed_walk=True))
     assert len(factors_of(graph, "PoseTranslationPrior2D", X(5))) == 1
-    assert len(factors_of(graph, "BetweenFactorPose2", X(1), X(3))) == 1
-    assert len(factors_of(graph, "BetweenFactorPose2", X(0), X(5))) == 1
     assert factors_of(built(Aids()), "PoseTranslationPrior2D", X(5)) == []
 
 
@@ -170,5 +210,5 @@ def test_a_whole_walks_graph_starts_at_its_seed() -> None:
 
 
 def test_the_first_step_tells_whether_there_is_a_compass() -> None:
-    free = [sigmas_of(the_factor(built(Aids(), (), compass), "PoseRotationPrior2D", X(0))) for compass in (True, False)]
+    free = [sigmas_of(the_factor(built(Aids(), compass), "PoseRotationPrior2D", X(0))) for compass in (True, False)]
     assert free == [[100.0], [1e-3]]

@@ -217,6 +217,8 @@ def test_residuals_and_weights_add_up_to_the_graph_error() -> None:
         total += float(
             np.where(kind.weight < 1.0, kind.weight * away * (away - kind.weight * away / 2), away**2 / 2).sum()
         )
+    assert smoothed.aids.frame is not None
+    total += 0.5 * math.log1p((smoothed.aids.frame.turn_rad / 0.2) ** 2)  # the anchors' frame turned, Cauchy
     assert total == pytest.approx(smoothed.errors[-1], rel=1e-3)
     assert smoothed.errors[-1] < smoothed.errors[0]
     by_name = {kind.name: kind for kind in smoothed.residuals}
