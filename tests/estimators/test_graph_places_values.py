@@ -24,6 +24,7 @@ from support.factors import (
 from fbgraph.core.aids import Aids, AnchorFrame
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.config import GraphConfig
+from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.aid_factors import (
     anchor_factor,
     closed_walk_factor,
@@ -32,7 +33,9 @@ from fbgraph.estimators.aid_factors import (
     framed_anchor_factor,
 )
 from fbgraph.estimators.factor_graph import build_graph
+from fbgraph.estimators.heading_chain import HeadingSolution, solve_heading
 from fbgraph.estimators.node import Node
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.records import Closure
 
 CONFIG = GraphConfig(sigma_anchor_m=0.4, sigma_closure_m=1.2, sigma_bias_rad_s=0.008)
@@ -139,10 +142,15 @@ def test_a_closure_to_a_fixed_breadcrumb_is_a_wider_place() -> None:
     assert factor.error(values) == pytest.approx(0.5 * math.log(10.0))
 
 
+def heading_at(track: StepTrack, seed: Trajectory) -> HeadingSolution:
+    return solve_heading(track, [(seed.yaw_rad, seed.gyro_bias_rad_s)], CONFIG)
+
+
 def whole(aids: Aids, compass: bool = False) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
     yaw = np.zeros(5)
     track = walk_track(yaw, compass=yaw if compass else None)
-    return build_graph(track, seed_of(track, np.full(6, 0.2), 0.003), CONFIG, aids)
+    seed = seed_of(track, np.full(6, 0.2), 0.003)
+    return build_graph(track, seed, heading_at(track, seed), CONFIG, aids)
 
 
 def built(aids: Aids, compass: bool = False) -> gtsam.NonlinearFactorGraph:
@@ -202,7 +210,7 @@ def test_a_whole_walks_graph_starts_at_its_seed() -> None:
     yaw = np.zeros(5)
     track = walk_track(yaw)
     seed = seed_of(track, np.linspace(0.2, 0.7, 6), 0.003)
-    _, values = build_graph(track, seed, CONFIG, Aids())
+    _, values = build_graph(track, seed, heading_at(track, seed), CONFIG, Aids())
     for k in range(6):
         pose = values.atPose2(X(k))
         assert (pose.x(), pose.y(), pose.theta()) == pytest.approx((seed.x_m[k], seed.y_m[k], seed.yaw_rad[k]))
