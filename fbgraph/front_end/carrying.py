@@ -186,9 +186,9 @@ class Carrying:
 
     def _jump(self, i: int, j: int) -> float:
         """From before step ``i`` to after step ``j``, over two steps each: a device sways with the stride."""
-        yaw = [step.yaw_gyro_rad for step in self._raw[: j + 3]]
-        before, after = yaw[max(i - 1, self._since) : i + 1], yaw[j + 1 :]
-        return sum(after) / len(after) - sum(before) / len(before)
+        before, after = self._raw[max(i - 1, self._since) : i + 1], self._raw[j + 1 : j + 3]
+        then, now = (sum(step.yaw_gyro_rad for step in steps) / len(steps) for steps in (before, after))
+        return now - then
 
     def _known(self, which: range) -> Pushes:
         """(N, 2) pushes and sides of these steps, those known, turned to how the device was held at the start."""

@@ -32,7 +32,7 @@ def walk_findings(result: WalkResult) -> list[Finding]:
     """Everything worth telling of a walk, in order of time; of each kind the longest stretches only."""
     kinds = (_compass(result), _steps(result), _gaps(result), _places(result), _truth(result))
     chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
-    return sorted([*_doubts(result), *chosen, *_bias(result)], key=lambda finding: finding.start_s)
+    return sorted([*_doubts(result), *chosen, *_worn(result), *_bias(result)], key=lambda finding: finding.start_s)
 
 
 def _doubts(result: WalkResult) -> list[Finding]:
@@ -177,6 +177,22 @@ def _truth(result: WalkResult) -> list[Finding]:
         text = f"by the truth the smoothed walk is {by} (median leg)"
         found.append(Finding("truth", start_s, end_s, text))
     return found
+
+
+def _worn(result: WalkResult) -> list[Finding]:
+    """A device that is not held before the wearer: where its directions come from."""
+    track = result.track
+    turned_deg, sigma_deg = (float(np.degrees(column[0])) for column in (track.mount_rad, track.sigma_turned_rad))
+    if sigma_deg == 0.0 or any(
+        reason.kind == "carrying" and reason.start_s is None for reason in result.integrity.reasons
+    ):
+        return []
+    text = (
+        "the device was worn upright or on a limb, so device.mount says little of where one walked: "
+        f"by the push of the steps {abs(turned_deg):.0f}° to the {'left' if turned_deg > 0 else 'right'} of it, "
+        f"uncertain by {sigma_deg:.0f}°"
+    )
+    return [Finding("carrying", float(track.t_s[0]), float(track.t_s[-1]), text)]
 
 
 def _bias(result: WalkResult) -> list[Finding]:
