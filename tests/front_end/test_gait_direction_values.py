@@ -56,7 +56,7 @@ def test_a_push_that_lags_otherwise_is_the_less_of_one() -> None:
 def test_sway_lean_and_slow_turning_are_no_push() -> None:
     signals = walking()
     stride = np.pi * np.arange(300) / 50.0
-    sway = np.column_stack((3.0 * np.cos(stride + 0.3), 5.0 * np.cos(stride - 1.0), 0.0 * stride))
+    sway = np.column_stack((3.0 * np.cos(stride + 0.3), 5.0 * np.cos(stride - 1.0), 1.5 * np.cos(stride)))
     swaying = replace(signals, acc_n_m_s2=signals.acc_n_m_s2 + sway + (0.7, -0.4, 0.0))
     step = told(swaying)[1]
     assert step.gait_yaw_rad == pytest.approx(0.5, abs=1e-6)
