@@ -174,7 +174,7 @@ def _(rng: Generator) -> Case:
 
 @kind("barometer drifts fast")
 def _(rng: Generator) -> Case:
-    hpa = sign(rng) * between(rng, 0.5, 20.0)
+    hpa = sign(rng) * between(rng, 5.0, 20.0)  # slower, it is a slope
     walk = walked(rng, path(loop(rng)))
     return Case(done.weather(walk, hpa * 3600.0 / walk.log.duration_s), f"{hpa:.1f} hPa in all")
 
