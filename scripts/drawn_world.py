@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from drawn import Case, Kind, adding_to, between, corners, direction, loop, moment, path, sign, someone, usual, walked
@@ -82,15 +81,21 @@ def _(rng: Generator) -> Case:
     return Case(walked(rng, path(loop(rng))), "closed", Told(closed_walk=True))
 
 
-def survey(rng: Generator, walk: SimulatedWalk, frame: done.Frame, sigma_m: float, **kw: Any) -> Told:
-    times = np.sort(rng.uniform(walk.steps.t_s[0], walk.steps.t_s[-1], int(rng.integers(2, 8))))
+def survey(rng: Generator, walk: SimulatedWalk, frame: done.Frame, sigma_m: float, fewest: int = 2) -> Told:
+    times = np.sort(rng.uniform(walk.steps.t_s[0], walk.steps.t_s[-1], int(rng.integers(fewest, 8))))
     errors = rng.normal(0.0, sigma_m, (len(times), 2))
-    return Told(anchors=done.surveyed(walk, times, errors, frame, **kw))
+    return Told(anchors=done.surveyed(walk, times, errors, frame))
 
 
-def anchored(rng: Generator, frame: done.Frame, said: str, spoil: Callable[[Told], Told] = lambda told: told) -> Case:
+def anchored(
+    rng: Generator,
+    frame: done.Frame,
+    said: str,
+    spoil: Callable[[Told], Told] = lambda told: told,
+    fewest: int = 2,
+) -> Case:
     walk = usual(rng)
-    told = spoil(survey(rng, walk, frame, 0.35))
+    told = spoil(survey(rng, walk, frame, 0.35, fewest))
     count = 0 if told.anchors is None else len(told.anchors)
     return Case(done.in_frame(walk, frame), f"{count} anchors, {said}", told)
 
@@ -125,7 +130,7 @@ def _(rng: Generator) -> Case:
 
 @kind("anchors, swapped axes")
 def _(rng: Generator) -> Case:
-    return anchored(rng, lambda xy_m: xy_m[:, ::-1], "north first")
+    return anchored(rng, lambda xy_m: xy_m[:, ::-1], "north first", fewest=5)  # fewer cannot tell a mirror from a turn
 
 
 @kind("anchors, other unit")
