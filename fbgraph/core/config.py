@@ -170,6 +170,9 @@ class StepLengthConfig(Section):
     """Metres per fourth root of the peak-to-peak vertical acceleration in m/s²."""
     min_climb_m_s: NonNegative = 0.2
     """A slower change of altitude is taken for air pressure, not for slope."""
+    start_doubt_m: NonNegative = 1.6
+    """Standard deviation of the first step of a log that begins in the middle of a walk: a part of it is missing, the
+    tilt has not settled, and who sets out with the log takes shorter steps than the model knows."""
     shortest_m: Metres = 0.15
     """No step is shorter, whatever the slope."""
 

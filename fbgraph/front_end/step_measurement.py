@@ -20,6 +20,7 @@ _USUAL_HZ = (1.1, 2.4)  # cadences at which step lengths were measured; nobody k
 _UNUSUAL_DOUBT = 0.2
 _LIMB_BOUNCE_M_S2 = 12.0  # a limb swings more than its wearer bounces
 _SHARED_DOUBT_M = 20.0  # steps of a stretch share their doubt until it is this large
+_AT_ONCE_S = 1.2  # whose first step ends within it was walking as the log began, or set out with it
 
 
 class StepGauge:
@@ -55,6 +56,8 @@ class StepGauge:
                 steps.append(_standing_start(step, self._altitude_before(peak)))
                 # a rest before the walk tells the bias, but no turn between two steps
                 step = replace(step, rest_drift_rad=0.0, rest_drift_sigma_rad=0.0, jump_x_ut=0.0, jump_y_ut=0.0)
+                if peak.index < _AT_ONCE_S * self._rate_hz:  # what was walked before the log began, or half seen
+                    step = replace(step, doubt_m=math.hypot(step.doubt_m, self._length.start_doubt_m))
             steps.append(step)
             self._last_end, self._last_interval = peak.index, interval
         return steps

@@ -244,3 +244,12 @@ def test_any_chunks_give_the_same_step() -> None:
     signals = levelled(1200, up_m_s2=rng.normal(G, 2, 1200), **columns)
     whole = gauged(signals, ONE)
     assert all(repr(gauged(signals, ONE, chunk=chunk)) == repr(whole) for chunk in (1, 37, 600))
+
+
+@pytest.mark.parametrize(("end", "doubt_m"), [(30, 1.6), (119, 1.6), (120, 0.0), (1050, 0.0)])
+def test_the_first_step_of_a_log_that_begins_in_the_middle_of_a_walk_is_doubted(end: int, doubt_m: float) -> None:
+    peaks = Peak(end, end - 50, True), Peak(end + 50, end, False)
+    start, first, second = gauged(levelled(1200), *peaks)
+    assert (start.doubt_m, first.doubt_m, second.doubt_m) == (0.0, doubt_m, 0.0)
+    sure = CONFIG.model_copy(update={"start_doubt_m": 0.0})
+    assert [step.doubt_m for step in gauged(levelled(1200), *peaks, config=sure)] == [0.0] * 3
