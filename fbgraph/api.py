@@ -133,6 +133,7 @@ def smooth(
     overrides: Sequence[str] = (),
     format_name: str | None = None,
     max_size: int | None = None,
+    force: bool = False,
 ) -> Walk:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps.
 
@@ -146,6 +147,7 @@ def smooth(
         overrides: ``a.b=value`` strings, as ``--set`` takes them.
         format_name: of a log file; found by content if None.
         max_size: bytes of a log file's text that are read at most; 1 GiB if None.
+        force: give the smoothed trajectory even where the walk's own check withholds it (``Walk.integrity``).
 
     Raises:
         ConfigError: no such preset or key.
@@ -167,6 +169,7 @@ def smooth(
         closed_walk=closed_walk,
         origin=told.origin,
         max_size=max_size,
+        forced=force,
     )
     effective = _configuration(config, file.log.format, overrides)
     effective = with_declination(effective, told.place, file.log.t0_s, None if inputs.log is None else Path(inputs.log))
@@ -284,6 +287,11 @@ class OnlineSmoother:
                 raise ConfigError("a DataFrame after SensorLogs: feed one kind only")
             self._reader = LiveReader("dataframe")
         return self._take(self._reader.push(dataframe_lines(samples)))
+
+    @property
+    def integrity(self) -> Integrity:
+        """How far the walk may be believed, by what its sensors and steps showed until now."""
+        return self._walk.integrity
 
     def finish(self) -> Walk:
         """Take what was held back, then smooth the whole walk.

@@ -85,7 +85,8 @@ def reconstruct(
 ) -> WalkResult:
     """Run dead reckoning, the EKF pipeline and the smoother on the same steps of one log.
 
-    A smoother that fails takes nothing with it: ``WalkResult.failed`` says why, the others are there.
+    A smoother that fails, or whose walk is withheld (``inputs.forced`` gives it all the same), takes nothing with it:
+    ``WalkResult.failed`` says why, the others are there.
 
     Args:
         log: the walk.
@@ -124,7 +125,23 @@ def reconstruct(
     except EstimationError as error:
         failed["smoothed"], smoothed = str(error), stand_in(compared["ekf"])
     result = compose(log, config, told, signals, track, smoothed, compared, failed)
-    return replace(result, seconds=seconds, inputs=inputs or RunInputs(), turn_back=turned)
+    return held_back(replace(result, seconds=seconds, inputs=inputs or RunInputs(), turn_back=turned))
+
+
+def held_back(result: WalkResult) -> WalkResult:
+    """A walk without its smoothed trajectory, if its own check withholds that and nobody wants it all the same.
+
+    What the smoother said of itself stays, to look at in the recording, beside the EKF's walk.
+    """
+    if result.integrity.verdict != "withheld" or result.inputs.forced or "smoothed" in result.failed:
+        return result
+    others = {name: trajectory for name, trajectory in result.trajectories.items() if name != "smoothed"}
+    return replace(
+        result,
+        trajectories=others,
+        smoothed=replace(result.smoothed, trajectory=others["ekf"]),
+        failed={**result.failed, "smoothed": f"withheld, {result.integrity.reasons[0].text}"},
+    )
 
 
 def require_anchors_within(log: SensorLog, told: Told) -> None:

@@ -15,13 +15,17 @@ from fbgraph.core.aids import Aids, Told
 from fbgraph.core.config import Config, dump_toml, load_config
 from fbgraph.core.earth_field import with_declination
 from fbgraph.core.errors import DataError, EstimationError
-from fbgraph.core.sensor_log import SensorLog
+from fbgraph.core.sensor_log import Event, SensorLog
+from fbgraph.core.trajectory import Breadcrumb, Trajectory
+from fbgraph.core.verdict import Integrity
 from fbgraph.core.whole_writes import whole_file
 from fbgraph.estimators.baselines import baselines
 from fbgraph.estimators.estimates import Belief, Update
 from fbgraph.estimators.online_smoother import OnlineSmoother
 from fbgraph.front_end.detect_steps import detect_steps
-from fbgraph.pipeline import compose, reconstruct, require_anchors_within, stand_in
+from fbgraph.front_end.step_track import Step
+from fbgraph.integrity.live_check import LiveCheck
+from fbgraph.pipeline import compose, held_back, reconstruct, require_anchors_within, stand_in
 from fbgraph.readers.live_lines import LiveReader
 from fbgraph.readers.raw_recorder import LineCutter, RawRecorder, cut_torn_line, saved_lines, saved_log
 from fbgraph.run.folder import RAW
@@ -30,7 +34,7 @@ from fbgraph.run.metrics import checkpoint_errors
 from fbgraph.run.summary import summarize, summary_markdown
 from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.guide import ReturnGuide
-from fbgraph.way_back.records import ReturnUpdate
+from fbgraph.way_back.records import Closure, ReturnUpdate
 
 OnUpdate = Callable[[Update], None]
 Tell = Callable[[str], None]
@@ -90,13 +94,35 @@ class WalkInProgress:
         self._config = config
         self._view = view
         self._guide = ReturnGuide(config)
+        self._check = LiveCheck(config)
         believe_steps = _BELIEF_STEPS if believe or view is not None else 0
-        self._smoother = OnlineSmoother(config, aids, companion=self._guide, believe_steps=believe_steps)
+        self._smoother = OnlineSmoother(config, aids, companion=self, believe_steps=believe_steps)
+
+    @property
+    def integrity(self) -> Integrity:
+        """How far the walk may be believed, by what its sensors and steps showed until now."""
+        return self._check.integrity
+
+    def note(self, events: Iterable[Event]) -> None:
+        """As a companion of the smoother: hand events on to the guide."""
+        self._guide.note(events)
+
+    def advance(
+        self, update: Breadcrumb, step: Step, estimate: Callable[[], Trajectory]
+    ) -> tuple[ReturnUpdate | None, Iterable[Closure]]:
+        """As a companion of the smoother: the guide is told of a step, and of what became doubtful with it."""
+        if (signals := self._smoother.signals) is not None:
+            self._check.level(signals)
+        self._guide.distrust(self._check.advance(step) or "")
+        return self._guide.advance(update, step, estimate)
 
     def feed(self, piece: SensorLog, on_update: OnUpdate | None = None) -> list[Update]:
         """Give the smoother a piece of log, and tell whoever wants to know what it made of it."""
         before = len(self._smoother.beliefs)
-        updates = self._smoother.feed(piece)
+        self._check.feed(piece)
+        updates = [replace(one, caution=self._check.caution(one.k)) for one in self._smoother.feed(piece)]
+        if (signals := self._smoother.signals) is not None:
+            self._check.level(signals)
         if on_update is not None:
             for update in updates:
                 on_update(update)
@@ -127,7 +153,7 @@ class WalkInProgress:
             returning=tuple(self._guide.updates),
             inputs=inputs,
         )
-        result = _without_foreign_truth(result)
+        result = held_back(_without_foreign_truth(result))
         if self._view is not None:
             self._view.finished(result, self._smoother, summary_markdown(summarize(result)))
         return result
@@ -141,6 +167,7 @@ class _LiveEstimates:
         self._raw_path = raw_path
         self._tell = tell
         self._restarts = 0
+        self._doubted = ""
         self.reader, self.walk = start()
         self.failure: str | None = None
 
@@ -150,8 +177,16 @@ class _LiveEstimates:
             return
         try:
             self.walk.feed(self.reader.push(lines), on_update)
+            self._distrust()
         except Exception as error:  # an estimator that fails never stops a recording
             self._restart(error)
+
+    def _distrust(self) -> None:
+        """Tell why the position is doubtful, when that is new: without steps nobody else does."""
+        reasons = self.walk.integrity.reasons
+        if reasons and reasons[0].sentence != self._doubted:
+            self._doubted = reasons[0].sentence
+            self._tell(f"position doubtful: {self._doubted}")
 
     def catch_up(self) -> None:
         """Take the lines that are stored already; their steps are not reported again."""

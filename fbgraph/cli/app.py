@@ -96,7 +96,11 @@ MaxSizeOption = Annotated[
 ]
 NoRecordingOption = Annotated[bool, typer.Option("--no-recording", help="Write no recording.rrd.")]
 ForceOption = Annotated[
-    bool, typer.Option("--force", help="Replace the run of another log or configuration; never a live walk.")
+    bool,
+    typer.Option(
+        "--force",
+        help="Replace the run of another log or configuration, never a live walk; write a walk that is withheld.",
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 

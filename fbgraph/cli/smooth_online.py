@@ -69,7 +69,7 @@ def smooth(
     set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force)
     with progress_bar() as progress:
         progress("read")
         walk, effective, told = read_walk(inputs, config, set_)
@@ -132,7 +132,7 @@ def online(
     load_config(config, set_)  # a wrong option is told before the walk begins
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force)
     show, pace = _update_printer(follow, as_json), _speed(speed)
     stopping = _stop_on_signals()
     if source is None:
@@ -185,7 +185,8 @@ def _show(summary: dict[str, Any], folder: Path, as_json: bool, indent: int | No
         print_summary(summary)
         say(f"written to {folder}")
     for name, why in summary["failed"].items():
-        raise EstimationError(f"no {name} trajectory: {why}; what the other estimators found is in {folder}")
+        anyway = "; --force writes it all the same" if why.startswith("withheld") else ""
+        raise EstimationError(f"no {name} trajectory: {why}; what the other estimators found is in {folder}{anyway}")
 
 
 def _online_folder(log: Path | None, source: str | None, out: Path | None, resume: Path | None) -> Path:
@@ -248,11 +249,19 @@ def _stop_on_signals() -> Callable[[], bool]:
 
 
 def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
+    told: list[str] = []
+
+    def doubted(update: Update) -> str:
+        """That the position is doubtful; why, when that is new."""
+        if told[-1:] == [update.caution]:
+            return "position doubtful"
+        told.append(str(update.caution))
+        return f"position doubtful: {update.caution}"
+
     def show(update: Update) -> None:
         if as_json:
             fields = asdict(update)
-            if fields["returning"] is None:
-                del fields["returning"]
+            fields = {key: value for key, value in fields.items() if value is not None}
             say_json(fields, indent=None)
         elif follow:
             from fbgraph.core.geometry import heading_deg
@@ -261,6 +270,7 @@ def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
                 f"{update.t_s:8.2f} s  step {update.k:5d}  x {update.x_m:8.2f}  y {update.y_m:8.2f}  "
                 f"z {update.z_m:6.2f} m  heading {heading_deg(update.yaw_rad):3.0f}°  {update.distance_m:7.1f} m"
                 + (f"  {update.returning.instruction}" if update.returning else "")
+                + (f"  {doubted(update)}" if update.caution else "")
             )
 
     return show

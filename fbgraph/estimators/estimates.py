@@ -115,9 +115,11 @@ class Update(Breadcrumb):
 
     Attributes:
         returning: on the way back, where on the way out that is and what to do next.
+        caution: why the position is doubtful, in a sentence; None while nothing is known against it.
     """
 
     returning: ReturnUpdate | None = None
+    caution: str | None = None
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,11 @@ class LevelledSignals:
         start = max(len(self) - count, 0)
         return LevelledSignals(*[getattr(self, name)[start:] for name in _SIGNALS])
 
+    def between(self, start_s: float, end_s: float) -> LevelledSignals:
+        """The samples with start_s <= t < end_s."""
+        lo, hi = np.searchsorted(self.t_s, (start_s, end_s))
+        return LevelledSignals(*[getattr(self, name)[lo:hi] for name in _SIGNALS])
+
     @staticmethod
     def concatenate(pieces: list[LevelledSignals]) -> LevelledSignals:
         """Pieces in order as one."""

@@ -87,12 +87,16 @@ def assess(walk: Evidence, checks: Sequence[Check] = CHECKS) -> Assessment:
 
 def judged(doubts: Sequence[Doubt], trajectory: Trajectory) -> Assessment:
     """The verdict of doubts in order of weight, and the trajectory widened by them."""
-    verdict: Verdict = "withheld" if any(d.withhold for d in doubts) else "doubtful" if doubts else "sound"
     wider = widened(trajectory, doubts)
     factor = 1.0
     if (before := trajectory.longest_sigma_m) is not None and (after := wider.longest_sigma_m) is not None:
         factor = float(after[-1] / max(before[-1], 1e-9))
-    return Assessment(Integrity(verdict, tuple(doubt.reason for doubt in doubts), factor), wider)
+    return Assessment(Integrity(verdict_of(doubts), tuple(doubt.reason for doubt in doubts), factor), wider)
+
+
+def verdict_of(doubts: Sequence[Doubt]) -> Verdict:
+    """What doubts come to."""
+    return "withheld" if any(doubt.withhold for doubt in doubts) else "doubtful" if doubts else "sound"
 
 
 def widened(trajectory: Trajectory, doubts: Sequence[Doubt]) -> Trajectory:

@@ -24,6 +24,7 @@ class RunInputs:
         online_chunk_s: length of the pieces in which it was fed to the online smoother; None if it was not.
         until_s: seconds since log start at which a replay was stopped; None if it was not.
         max_size: bytes of the log's text that may be read; None for what any walk keeps within.
+        forced: the smoothed walk is wanted even where its own check withholds it.
     """
 
     log: str | None = None
@@ -35,6 +36,7 @@ class RunInputs:
     online_chunk_s: float | None = None
     until_s: float | None = None
     max_size: int | None = None
+    forced: bool = False
 
     @staticmethod
     def of(
@@ -45,6 +47,7 @@ class RunInputs:
         closed_walk: bool = False,
         origin: Georeference | None = None,
         max_size: int | None = None,
+        forced: bool = False,
     ) -> RunInputs:
         """What somebody named; paths are kept so that they hold from anywhere."""
         return RunInputs(
@@ -55,6 +58,7 @@ class RunInputs:
             closed_walk=closed_walk,
             origin=None if origin is None else (origin.lat_deg, origin.lon_deg),
             max_size=max_size,
+            forced=forced,
         )
 
     @staticmethod
@@ -81,6 +85,8 @@ class RunInputs:
             noted["log"] = None
         if self.max_size is None:
             del noted["max_size"]
+        if not self.forced:
+            del noted["forced"]
         if self.origin is not None:
             noted["origin"] = list(self.origin)
         if self.online_chunk_s is None:

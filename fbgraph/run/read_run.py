@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.tables import read_numbers, read_text
 from fbgraph.core.trajectory import Trajectory, read_tum
+from fbgraph.core.verdict import Integrity
 from fbgraph.run.digests import DIGESTS, SUMMARY, require_as_written, require_summary_as_written
 from fbgraph.run.folder import BREADCRUMB_HEADER, RAW
 from fbgraph.run.run_checks import require_agreement, require_same_states
@@ -144,7 +145,11 @@ def trajectory_of(run: SavedRun, estimator: str) -> Trajectory:
         raise ConfigError(f"unknown estimator {estimator!r}: expected one of {', '.join(ESTIMATORS)}")
     if estimator not in run.trajectories:
         there = ", ".join(run.trajectories)
-        raise DataError(f"{run.folder}: this run has no {estimator} trajectory, only {there}")
+        integrity = Integrity.from_dict(run.summary.get("integrity"))
+        why = ""
+        if estimator == "smoothed" and integrity.verdict == "withheld" and integrity.reasons:
+            why = f"; it was withheld: {integrity.reasons[0].sentence}"
+        raise DataError(f"{run.folder}: this run has no {estimator} trajectory, only {there}{why}")
     return run.trajectories[estimator]
 
 
@@ -202,7 +207,8 @@ def read_directions(
     anchored = estimator == "smoothed" and summary.get("anchors", 0) > 1  # in the anchors' own frame
     compass = anchored or summary["log"].get("samples", {}).get("mag", 1) > 0
     name = f"{summary['log']['name']} ({estimator})"
-    return directions_of(trajectory, read_events(summary), pace_m, run.read_config().graph, name, compass)
+    way = directions_of(trajectory, read_events(summary), pace_m, run.read_config().graph, name, compass)
+    return replace(way, integrity=Integrity.from_dict(summary.get("integrity")))
 
 
 def read_summary(run: Path) -> dict[str, Any]:

@@ -118,7 +118,10 @@ def return_entry(result: WalkResult) -> dict[str, Any] | None:
 def warnings(result: WalkResult) -> list[str]:
     """What the user should know before believing the result."""
     log, track = result.log, result.track
-    found = [f"the {name} trajectory is missing, its estimator failed: {why}" for name, why in result.failed.items()]
+    found = [
+        f"the {name} trajectory is {why if why.startswith('withheld') else f'missing, its estimator failed: {why}'}"
+        for name, why in result.failed.items()
+    ]
     found += [*log.notices, *result.smoothed.notes]
     compass = bool(np.isfinite(track.yaw_mag_rad).any())
     if result.told.truth is not None and len(result.told.truth) < 2:
@@ -132,12 +135,6 @@ def warnings(result: WalkResult) -> list[str]:
     if not (track.rest_s > 0).any():
         by = "was found from the compass alone" if compass else "is not known: there is no compass either"
         found.append(f"the wearer never stood still: the gyroscope's bias {by}")
-    norm = track.mag_norm_ut[np.isfinite(track.mag_norm_ut)]
-    if len(norm) and np.percentile(norm, 95) - np.percentile(norm, 5) > 0.3 * np.median(norm):
-        found.append(
-            f"magnetic disturbance: the field is usually {np.median(norm):.0f} µT strong, {norm.min():.0f} to "
-            f"{norm.max():.0f} µT at the extremes"
-        )
     return found
 
 
@@ -157,7 +154,7 @@ def summary_markdown(summary: dict[str, Any]) -> str:
         "",
         f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, "
         f"{summary['distance_m']:.0f} m as smoothed, {turns}, altitude {low:+.1f} to {high:+.1f} m.",
-        *([f"\n**The smoother failed: what is drawn as smoothed is the EKF's walk.** {why}"] if best == "ekf" else []),
+        *([f"\n**No smoothed walk: what is drawn as smoothed is the EKF's.** {why}"] if best == "ekf" else []),
         "",
         f"{_ends_text(smoothed['end_m'], summary)}.",
     ]

@@ -112,6 +112,7 @@ class _Inputs(_Noted):
     online_chunk_s: Annotated[float, Field(ge=0.001, le=1e9)] | None = None
     until_s: _Seconds | None = None
     max_size: Annotated[int, Field(ge=1)] | None = None
+    forced: bool = False
 
 
 class NotedRun(_Noted):

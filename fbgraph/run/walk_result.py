@@ -42,7 +42,7 @@ class WalkResult:
         inputs: what was read and asked for, so that the run can be made again.
         turn_back: where the way out ended, if that is known.
         returning: what was told at each step of the way back.
-        failed: why, by name of an estimator that failed. Where it is the smoother, ``smoothed`` holds the EKF's walk.
+        failed: why, by name of an estimator that failed or is withheld; then ``smoothed`` holds the EKF's walk.
         integrity: how far the smoothed walk may be believed; its covariance is widened accordingly.
     """
 

@@ -50,7 +50,10 @@ def as_geojson(way: Directions, origin: Georeference, units: Units = "metric") -
         features.append(_feature("LineString", _lon_lat(origin, leg.points_m), {"kind": "leg", **row}))
     for kind, point in (("start", way.points_m[0]), ("arrival", way.points_m[-1])):
         text = arrival_text(way) if kind == "arrival" else instructions(way, units)[0]
-        features.append(_feature("Point", _lon_lat(origin, [point])[0], {"kind": kind, "instruction": text}))
+        properties: dict[str, Any] = {"kind": kind, "instruction": text}
+        if kind == "start" and way.caution:
+            properties["caution"] = " ".join(way.caution)
+        features.append(_feature("Point", _lon_lat(origin, [point])[0], properties))
     for label, place in _landmarks(way):
         features.append(_feature("Point", _lon_lat(origin, [place])[0], {"kind": "landmark", "label": label}))
     document = json.dumps({"type": "FeatureCollection", "features": features}, indent=1, ensure_ascii=False)
@@ -63,6 +66,8 @@ def as_gpx(way: Directions, origin: Georeference, units: Units = "metric") -> st
 
     document = xml.GPX()
     document.creator, document.name = "fbgraph", for_xml(way.name)
+    if way.caution:
+        document.description = for_xml(" ".join(way.caution))
     corners = [leg.points_m[0] for leg in way.legs] + [way.points_m[-1]]
     route = xml.GPXRoute(name=f"{document.name}, {'back' if way.back else 'there'}")
     for number, (text, (lon, lat)) in enumerate(

@@ -53,6 +53,7 @@ class ReturnGuide:
         self._walked_m = 0.0
         self._follower: RouteFollower | None = None
         self._arrived = False
+        self._caution, self._cautioned = "", False
         self._wrong_way_m = 0.0
         self.updates: list[ReturnUpdate] = []
         self.closures: list[Closure] = []
@@ -80,6 +81,11 @@ class ReturnGuide:
         told = len(self.updates)
         closures = self._begin(update, step, estimate) if self._follower is None else self._follow(update.k, tell=True)
         return (self.updates[-1] if len(self.updates) > told else None), closures
+
+    def distrust(self, caution: str) -> None:
+        """From now on say with every direction that the position is doubtful, and with the next one why."""
+        if caution != self._caution:
+            self._caution, self._cautioned = caution, False
 
     def warnings(self) -> list[str]:
         """What the user should know when the walk has ended."""
@@ -144,6 +150,9 @@ class ReturnGuide:
         words = next_instruction(match, turn, remaining_m, self._wrong_way_m, arrived)
         if self._arrived and not arrived:
             words = ""  # nothing more to say
+        elif self._caution:
+            words = f"position doubtful{'' if self._cautioned else f': {self._caution}'}; {words}"
+            self._cautioned = True
         outbound = self.outbound
         assert outbound is not None  # the way back has begun
         return ReturnUpdate(

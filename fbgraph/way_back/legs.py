@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from fbgraph.core.config import GraphConfig
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.core.verdict import MOST_TOLD, Integrity
 from fbgraph.way_back.turns import find_turns, leg_yaws
 
 _STEEP = 0.1  # a step that rises or falls by more of its length was shortened by the slope
@@ -95,6 +96,7 @@ class Directions:
         sigma_m: root mean square distance by which the walk's end may be off as seen from its beginning, or None.
         compass: whether its directions are those of a compass; else only its turns are known.
         back: whether the walk is walked back, from its end to its start.
+        integrity: how far the walk may be believed.
     """
 
     name: str
@@ -103,6 +105,15 @@ class Directions:
     sigma_m: float | None = None
     compass: bool = True
     back: bool = False
+    integrity: Integrity = field(default_factory=Integrity)
+
+    @property
+    def caution(self) -> tuple[str, ...]:
+        """What to know before following it, in a sentence each; nothing where the walk is sound."""
+        if self.integrity.verdict == "sound":
+            return ()
+        reasons = (reason.sentence for reason in self.integrity.reasons[:MOST_TOLD])
+        return (f"Do not rely on this way: its position is {self.integrity.verdict}.", *(f"{one}." for one in reasons))
 
     @property
     def length_m(self) -> float:

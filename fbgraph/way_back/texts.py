@@ -9,7 +9,7 @@ import math
 from typing import Any, Literal
 
 from fbgraph.core.geometry import heading_deg
-from fbgraph.core.safe_text import for_csv, for_json, short_name
+from fbgraph.core.safe_text import for_csv, for_json, for_terminal, short_name
 from fbgraph.way_back.legs import MIN_CLIMB_M, Climb, Directions, Leg
 
 Units = Literal["metric", "steps"]
@@ -116,6 +116,8 @@ def as_text(way: Directions, units: Units = "metric") -> str:
         f"{'Way back' if way.back else 'Way'} of {name}: {distance_text(way.length_m, way.pace_m, units)}, "
         f"{turns} turn{'' if turns == 1 else 's'}. A step is {way.pace_m:.2f} m."
     ]
+    if way.caution:
+        lines = [*(for_terminal(text) for text in way.caution), "", *lines]
     apart_m = math.dist(way.points_m[0][:2], way.points_m[-1][:2])
     if way.back and apart_m < max(2.0 * (way.sigma_m or 0.0), _THERE_M):
         lines += ["", f"The walk ended {_metres(apart_m)} from its start: this is all of it once more, backwards."]
@@ -146,6 +148,7 @@ def as_json(way: Directions, units: Units = "metric") -> str:
                 "start_m": [_rounded(value) for value in way.legs[0].points_m[0]],
                 "legs": leg_rows(way, units),
                 "arrival": arrival,
+                "integrity": way.integrity.as_dict(),
             },
             indent=2,
             ensure_ascii=False,

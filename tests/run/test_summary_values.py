@@ -241,25 +241,6 @@ def test_who_never_stood_still_has_an_unknown_bias() -> None:
     ]
 
 
-def test_a_field_that_changes_by_three_tenths_is_disturbed() -> None:
-    """From its twentieth to its last twentieth, of its median: 50 µT give or take 7.4 or 7.6."""
-    for half, expected in ((7.4, False), (7.6, True)):
-        norm = np.full(51, 50.0)
-        norm[:5], norm[5:10], norm[10], norm[11] = 50.0 - half, 50.0 + half, 20.0, 90.0
-        norm[12] = math.nan
-        found = warned(mag_norm_ut=norm)
-        text = "magnetic disturbance: the field is usually 50 µT strong, 20 to 90 µT at the extremes"
-        assert found == ([text] if expected else [])
-    assert warned(mag_norm_ut=np.full(51, math.nan)) == []
-
-
-def test_few_extremes_are_no_disturbance() -> None:
-    assert warned(mag_norm_ut=changed(51, [4, 5], 120.0, 50.0)) == []
-    assert warned(mag_norm_ut=changed(51, [4, 5], 5.0, 50.0)) == []
-    assert len(warned(mag_norm_ut=changed(51, [4, 5, 6, 7], 120.0, 50.0))) == 1
-    assert len(warned(mag_norm_ut=changed(51, [4, 5, 6, 7], 5.0, 50.0))) == 1
-
-
 def test_the_summary_for_people(summary: dict[str, Any]) -> None:
     lines = summary_markdown(summary).splitlines()
     assert lines[:6] == [
