@@ -15,13 +15,13 @@ from fbgraph.integrity.carrying_checks import mount_does_not_fit, turned_in_hand
 from fbgraph.integrity.compass_checks import compass_against_gyroscope, field_strength, field_upside_down
 from fbgraph.integrity.evidence import Check, Doubt, Evidence, SensedCheck
 from fbgraph.integrity.sensor_checks import (
+    clock_set,
     cut_off_values,
     frozen_sensors,
     gravity_against_gyroscope,
     gravitys_size,
     limp_gyroscope,
     noisy_sensors,
-    restarted_clock,
     silent_sensors,
     sparse_samples,
 )
@@ -39,7 +39,7 @@ SENSED_CHECKS: tuple[SensedCheck, ...] = (
     cut_off_values,
     noisy_sensors,
     sparse_samples,
-    restarted_clock,
+    clock_set,
     gravitys_size,
     gravity_against_gyroscope,
     limp_gyroscope,

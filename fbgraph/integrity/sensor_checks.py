@@ -30,11 +30,14 @@ _GRAVITY_REL = 0.05  # undisturbed: 3.5 % (a bias of three sigma, 10 mg each)
 _LEVEL_BLOCK_S = 2.0  # some four steps: what pushes forward and back in them cancels
 _LEVEL_RMS_M_S2 = 1.0  # undisturbed: 0.7
 _LEVEL_BLOCK_M_S2 = 1.6  # of one block; undisturbed: 1.42
-_LEVEL_LOST_M_S2 = 2.0  # level is lost by twelve degrees
+_LEVEL_LOST_M_S2 = 2.0  # level is lost by twelve degrees, which a sound compass may make up for
+_LEVEL_GONE_M_S2 = 4.0  # by 24 nothing can: headings of both are taken about another axis
 _SETTLED_S = 5.0  # levelling itself takes its time constant
 _NOISE = {"acc": 2.5, "gyro": 0.5}  # of a sample, SI; undisturbed: 0.46 and 0.075
 _NOISE_RATE_HZ = 25.0  # slower, and a step itself changes as much from sample to sample
 _SPARSE_S, _SPARSE_SHARE = (0.15, 0.5), 0.2  # between samples: a step's peak is missed; a gap is told otherwise
+_LATE_S = 0.4  # of samples left out as they came too late; 30 ms of jitter leave out half of that
+_CORNER_RAD_S = 0.5  # somebody who walks round a corner may turn like this, one sigma
 _STUCK_S = 5.0  # even lying on a table a sensor shows its noise
 _LIMP_RAD_S = 0.05  # a hand or a body that walks tilts by 0.17 rad/s or more
 
@@ -125,14 +128,20 @@ def sparse_samples(walk: Sensed) -> list[Doubt]:
     return found
 
 
-def restarted_clock(walk: Sensed) -> list[Doubt]:
-    """A clock that began anew: how long the device was off, and how it turned meanwhile, is not known."""
+def clock_set(walk: Sensed) -> list[Doubt]:
+    """A clock that began anew or was set back: what was walked and turned meanwhile is missing."""
     restarts = walk.log.counts.get("clock_restarts", 0)
-    if not restarts:
+    late_s = walk.log.counts.get("acc_not_later", 0) / max(walk.log.acc.rate_hz, 1.0)
+    if restarts:
+        text = f"the device's clock restarted {restarts} times during the log, how long it was off is not known"
+        advice = "what was walked and turned meanwhile is missing: look for what switches it off"
+        return [Doubt(Reason("clock", 1.0, text, advice), turned_m(walk.track, 0.2))]
+    if late_s <= _LATE_S:
         return []
-    text = f"the device's clock restarted {restarts} times during the log, how long it was off is not known"
-    advice = "what was walked and turned meanwhile is missing: look for what switches it off"
-    return [Doubt(Reason("clock", 1.0, text, advice), turned_m(walk.track, 0.2))]
+    text = f"the clock was set back: samples of {late_s:.1f} s came before those already there and were left out"
+    advice = "what was turned meanwhile is missing: let nothing set the clock during a walk"
+    turn_rad = min(late_s, 2.0) * _CORNER_RAD_S
+    return [Doubt(Reason("clock", late_s / _LATE_S, text, advice), turned_m(walk.track, turn_rad))]
 
 
 def gravitys_size(walk: Sensed) -> list[Doubt]:
@@ -178,7 +187,7 @@ def gravity_against_gyroscope(walk: Sensed) -> list[Doubt]:
     )
     # without a third to ask, or with one that contradicts too, nothing is left to go by
     alone = not np.isfinite(walk.track.yaw_mag_rad).any() or bool(compass_against_gyroscope(walk))
-    return [Doubt(reason, sigma_m, withhold=rms > _LEVEL_LOST_M_S2 and alone)]
+    return [Doubt(reason, sigma_m, withhold=rms > (_LEVEL_LOST_M_S2 if alone else _LEVEL_GONE_M_S2))]
 
 
 def limp_gyroscope(walk: Sensed) -> list[Doubt]:

@@ -12,6 +12,7 @@ from support.results_by_hand import hand_log, hand_result, hand_signals
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import SensorLog, Stream
 from fbgraph.integrity.sensor_checks import (
+    clock_set,
     cut_off_values,
     frozen_sensors,
     gravity_against_gyroscope,
@@ -19,7 +20,6 @@ from fbgraph.integrity.sensor_checks import (
     level_blocks,
     limp_gyroscope,
     noisy_sensors,
-    restarted_clock,
     silent_sensors,
     sparse_samples,
 )
@@ -56,7 +56,7 @@ def levelled(forward_m_s2: float = 0.0, up_m_s2: float = 9.80665, tilt_rad_s: fl
     return replace(signals, acc_n_m_s2=acc, tilt_rate_rad_s=np.full(count, tilt_rad_s))
 
 
-CHECKS = (frozen_sensors, silent_sensors, cut_off_values, noisy_sensors, sparse_samples, restarted_clock)
+CHECKS = (frozen_sensors, silent_sensors, cut_off_values, noisy_sensors, sparse_samples, clock_set)
 
 
 @pytest.mark.parametrize("check", CHECKS)
@@ -145,9 +145,12 @@ def test_samples_too_far_apart() -> None:
 
 
 def test_a_clock_that_restarted() -> None:
-    (found,) = restarted_clock(walk(sane_log(counts={"clock_restarts": 2})))
+    (found,) = clock_set(walk(sane_log(counts={"clock_restarts": 2})))
     assert found.reason.kind == "clock"
     assert "restarted 2 times" in found.reason.text
+    (late,) = clock_set(walk(sane_log(counts={"acc_not_later": 50})))
+    assert "samples of 0.5 s" in late.reason.text
+    assert clock_set(walk(sane_log(counts={"acc_not_later": 30}))) == []
 
 
 def test_gravity_has_one_size() -> None:
@@ -167,6 +170,11 @@ def test_gravity_that_leaks_into_the_horizontal() -> None:
     assert gravity_against_gyroscope(walk(signals=levelled(0.9))) == []
     (lost,) = gravity_against_gyroscope(walk(signals=levelled(3.0)))
     assert lost.withhold
+    compass = {"yaw_mag_rad": np.linspace(0.0, 3.0, 51), "yaw_gyro_rad": np.linspace(0.0, 3.0, 51)}
+    compass |= {"yaw_s": np.arange(51.0) / 2.0}
+    for level_m_s2, withheld in ((3.0, False), (4.5, True)):
+        (held,) = gravity_against_gyroscope(walk(signals=levelled(level_m_s2), steps=compass))
+        assert held.withhold == withheld
 
 
 def test_level_blocks_are_means_of_two_seconds_after_levelling_has_settled() -> None:

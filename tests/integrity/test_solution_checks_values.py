@@ -55,7 +55,8 @@ def test_a_barometer_in_doubt_widens_altitude_by_its_metres() -> None:
     whitened[9] = 30.0
     (found,) = factors_beyond_their_sigmas(of_kind("barometer", whitened))
     sigma_m = Config().graph.sigma_altitude_m
-    assert found.sigma_m is None
+    assert found.sigma_m is not None
+    assert found.sigma_m.max() == 0.0  # no step was shortened
     assert found.sigma_z_m is not None
     assert found.sigma_z_m[9] == 0.0
     assert found.sigma_z_m[[10, 80]].tolist() == pytest.approx([30.0 * sigma_m] * 2)
