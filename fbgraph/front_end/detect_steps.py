@@ -74,7 +74,7 @@ def _why_none(log: SensorLog, signals: LevelledSignals) -> str:
     shaken_m_s2 = float(signals.acc_norm_m_s2.std()) if len(signals) else 0.0
     if len(signals) and signals.still.mean() < 0.5 and shaken_m_s2 > _SHAKEN_M_S2:
         return (
-            f"the accelerometer's magnitude varies by {shaken_m_s2:.1f} m/s² without the rhythm of a walk: check whether "
-            "it is noisy, or the device was shaken rather than worn"
+            f"the accelerometer's magnitude varies by {shaken_m_s2:.1f} m/s² without the rhythm of a walk: check "
+            "whether it is noisy, or the device was shaken rather than worn"
         )
     return "nobody walks in this log, or steps.min_rise_m_s2 or steps.lambda_sigma is too high for this device"

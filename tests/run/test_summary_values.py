@@ -97,6 +97,7 @@ STATE = {
         "arrived_t_s": T0_S + 29.0,
         "remaining_m": 2.5,
         "closures": 2,
+        "closures_doubted": 0,
     },
 }
 LOG = {

@@ -23,7 +23,7 @@ def hand_step(**given: Any) -> Step:
     rest = {"rest_rate_rad_s": math.nan, "rest_sigma_rad_s": math.nan, "rest_s": 0.0}
     usual = {"t_s": 0.5, "start_s": 0.0, "length_m": 0.5, "frequency_hz": 2.0, "slope": 0.0, "shortened_m": 0.0}
     usual |= {"jump_x_ut": 0.0, "jump_y_ut": 0.0, "rest_drift_sigma_rad": 0.0}
-    usual |= {"rest_drift_rad": given["rest_rate_rad_s"] * given["rest_s"] if given.get("rest_s") else 0.0}
+    usual |= {"rest_drift_rad": given.get("rest_rate_rad_s", 0.0) * given["rest_s"] if given.get("rest_s") else 0.0}
     usual |= {"bounce_m_s2": 5.0, "doubt_m": 0.0, "yaw_s": 0.25, "yaw_gyro_rad": 0.0, "chained": True}
     return Step(**(silent | rest | usual | given))
 

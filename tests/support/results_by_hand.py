@@ -43,7 +43,7 @@ def hand_signals(duration_s: float = 60.0, still: BoolArray | None = None) -> Le
     count = round(duration_s * 10) + 1
     nothing = np.zeros(count)
     index = np.arange(count, dtype=np.int64)
-    columns = (index, index / 10.0, nothing, np.zeros((count, 3)), *(nothing,) * 7)
+    columns = (index, index / 10.0, nothing, np.zeros((count, 3)), *(nothing,) * 8)
     return LevelledSignals(*columns, still=np.zeros(count, dtype=bool) if still is None else still)
 
 

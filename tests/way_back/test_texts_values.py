@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from fbgraph.core.errors import ConfigError
+from fbgraph.core.verdict import Integrity, Reason
 from fbgraph.way_back.gpx_geojson import DIRECTION_FORMATS, format_directions
 from fbgraph.way_back.legs import Climb, Directions, Landmark, Leg
 from fbgraph.way_back.texts import (
@@ -200,6 +201,7 @@ def test_json_holds_every_value() -> None:
         "sigma_m": 1.2,
         "start_m": [0.0, 0.0, 0.0],
         "arrival": "You are at the end of the walk, at “lift”.",
+        "integrity": {"verdict": "sound", "widened": 1.0, "reasons": []},
     }
     assert first == {
         "leg": 1,
@@ -256,3 +258,16 @@ def test_formats_are_asked_for_by_name() -> None:
 def test_the_arrival_names_what_is_there() -> None:
     assert arrival_text(WAY.reversed()) == "You are back at the start, at “door”."
     assert arrival_text(replace(WAY, legs=(replace(EAST, landmarks=()),))) == "You are at the end of the walk."
+
+
+def test_a_doubtful_way_says_so_before_its_directions() -> None:
+    """Whatever a log has written into the reason is shown, never interpreted."""
+    reason = Reason("compass_turns", 2.0, "compass and gyroscope turn opposite ways\x1b[2J", "check their axes")
+    doubtful = replace(WAY, integrity=Integrity("doubtful", (reason,), 3.0))
+    lines = as_text(doubtful).splitlines()
+    assert lines[0] == "Do not rely on this way: its position is doubtful."
+    assert lines[1] == "compass and gyroscope turn opposite ways\\x1b[2J: check their axes."
+    assert lines[3:] == as_text(WAY).splitlines()
+    assert json.loads(as_json(doubtful))["integrity"]["reasons"][0]["advice"] == "check their axes"
+    assert WAY.caution == ()
+    assert doubtful.reversed().caution == doubtful.caution
