@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbgraph.core.config import GraphConfig
-from fbgraph.core.geometry import FloatArray
+from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.front_end.step_track import Step, StepTrack
 
 
@@ -50,6 +50,8 @@ def gyro_turn(before: Step, step: Step, config: GraphConfig) -> GyroTurn:
     if not step.chained:
         return GyroTurn(0.0, 0.0, min(config.sigma_gap_yaw_rad_s * max(dt_s, 0.1), math.pi), drift)
     turned = step.yaw_gyro_rad - before.yaw_gyro_rad - step.rest_drift_rad
+    if step.rest_s > 0:  # how often somebody turned right round in a pause, nobody asks, and after hours nobody knows
+        turned = wrap_scalar(turned)
     sigma = math.hypot(config.sigma_yaw_step_rad, step.rest_drift_sigma_rad)
     return GyroTurn(turned, max(dt_s - step.rest_s, 0.0), sigma, drift)
 

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from fbgraph.core.config import GraphConfig
-from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.core.geometry import FloatArray, IntArray, wrap_angle
 from fbgraph.estimators.compass import (
     CompassReadings,
     circle_through,
@@ -120,6 +120,10 @@ class HeadingChain:
     def start(self, yaw_rad: FloatArray, bias_rad_s: FloatArray, iron_ut: FloatArray) -> HeadingSolution:
         """A guess, as a solution that nobody has improved yet."""
         about = (self._stretch, self.jumps_ut, self._compass, self._usual_ut)
+        # each turn within half a circle of the gyroscope's, which is linear
+        turned = self._turns.turned_rad
+        turns = turned + wrap_angle(np.diff(yaw_rad) - turned)
+        yaw_rad = yaw_rad[0] + np.concatenate(([0.0], np.cumsum(turns)))
         return HeadingSolution(yaw_rad, bias_rad_s, 0.0, iron_ut, *about, cost=np.inf)
 
     def iron_starts(self) -> list[FloatArray]:

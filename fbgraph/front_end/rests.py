@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fbgraph.core.geometry import FloatArray, wrap_scalar
+from fbgraph.core.geometry import FloatArray, wrap_angle, wrap_scalar
 from fbgraph.front_end.levelled_signals import LevelledSignals
 
 _REST_TRIM_S = 0.75
@@ -17,7 +17,9 @@ _UNSETTLED_RAD = 0.04  # the compass's error just after walking, before the tilt
 _REST_LIMIT_S = 60.0  # of a longer rest only the last minute tells the bias at its end
 _END_S = 1.5  # over which the angle at either end of a rest is taken
 _STILL_S = 60.0  # a hand that holds still wanders further the longer it does
-_COMPASS_RAD = 0.02  # of a compass at rest, over an end
+_COMPASS_RAD = 0.04  # of a compass at rest, over an end
+_FULL_TURN_RAD = 0.8  # a third of half a turn: the gyroscope still tells how often it turned
+_SHUFFLED_RAD = 0.1  # where the wearer shuffled meanwhile and holds the device a little differently
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,27 @@ class Rest:
     drift_sigma_rad: float = 0.0
 
 
+@dataclass(frozen=True)
+class _Piece:
+    """One stretch of standing still.
+
+    Attributes:
+        ended: grid index by which it was over.
+        begin_s, end_s: without the ends that were left out.
+        told: by itself.
+        begin_rad, end_rad: gyroscope less compass at its ends, nan without compass.
+        unsettled_rad: how wrong the compass still was at its begin.
+    """
+
+    ended: int
+    begin_s: float
+    end_s: float
+    told: Rest
+    begin_rad: float
+    end_rad: float
+    unsettled_rad: float
+
+
 class Rests:
     """Standing still, and what the yaw rate then was: the gyroscope's bias about the vertical.
 
@@ -52,7 +75,7 @@ class Rests:
         self._limit = int(_REST_LIMIT_S * rate_hz)
         self._begin_limit = int((2 * settle_s + _END_S) * rate_hz)
         self._begin = self._last = np.empty((0, 3))  # time, yaw by gyroscope, yaw by compass: of its begin and end
-        self._done: list[tuple[int, Rest]] = []  # the grid index where each ended
+        self._done: list[_Piece] = []
         self._last_index: int | None = None
         self._breaks: list[int] = []  # the last grid index before every gap of the log
 
@@ -103,32 +126,60 @@ class Rests:
         begin, last = (rows[(rows[:, 0] >= since_s) & (rows[:, 0] <= until_s)] for rows in (begin, last))
         rate, sigma = _slope_of(last[:, 0], last[:, 1], _SWAY_RAD)
         if np.isfinite(last[:, 2]).all():
-            relative, sigma_relative = _slope_of(last[:, 0], np.unwrap(last[:, 1] - last[:, 2]), unsettled_rad)
+            wander_rad = math.hypot(unsettled_rad, _COMPASS_RAD)
+            relative, sigma_relative = _slope_of(last[:, 0], np.unwrap(last[:, 1] - last[:, 2]), wander_rad)
             weight = sigma**2 / (sigma**2 + sigma_relative**2)
             rate, sigma = rate + weight * (relative - rate), sigma * sigma_relative / math.hypot(sigma, sigma_relative)
-        drift, drift_sigma = _drift(begin, last, unsettled_rad)
-        self._done.append((index, Rest(rate, sigma, float(last[-1, 0] - begin[0, 0]), drift, drift_sigma)))
+        begin_s, end_s = float(begin[0, 0]), float(last[-1, 0])
+        told = Rest(rate, sigma, end_s - begin_s, *_drift(begin, last, unsettled_rad))
+        ends = _relative(begin[begin[:, 0] <= begin_s + _END_S]), _relative(last[last[:, 0] >= end_s - _END_S])
+        self._done.append(_Piece(index, begin_s, end_s, told, *ends, unsettled_rad))
 
     def take(self, before_index: int) -> Rest:
         """The rests that ended before this index and were not taken yet, as one."""
-        ended = [rest for index, rest in self._done if index <= before_index]
-        self._done = [(index, rest) for index, rest in self._done if index > before_index]
+        ended = [piece for piece in self._done if piece.ended <= before_index]
+        self._done = [piece for piece in self._done if piece.ended > before_index]
         if not ended:
             return Rest()
-        weights = np.array([1.0 / rest.sigma_rad_s**2 for rest in ended])
-        rates = np.array([rest.rate_rad_s for rest in ended])
-        total = float(weights.sum())
-        return Rest(
-            float((weights * rates).sum() / total),
-            total**-0.5,
-            sum(rest.duration_s for rest in ended),
-            sum(rest.drift_rad for rest in ended),
-            math.hypot(*(rest.drift_sigma_rad for rest in ended)),
+        weights = np.array([1.0 / piece.told.sigma_rad_s**2 for piece in ended])
+        rate = float(weights @ np.array([piece.told.rate_rad_s for piece in ended]) / weights.sum())
+        # what is wrong with one of them, a hand that sways or iron nearby, is wrong with the others too
+        sigma = math.sqrt(len(ended) / float(weights.sum()))
+        rest_s, drift, drift_sigma = (
+            sum(getattr(piece.told, name) for piece in ended) for name in ("duration_s", "drift_rad", "drift_sigma_rad")
         )
+        return _across(ended, Rest(rate, sigma, rest_s, drift, drift_sigma))
 
     def unbroken_between(self, first: int, last: int) -> bool:
         """Whether the log has no gap between two grid indices."""
         return not any(first <= before < last for before in self._breaks)
+
+
+def _across(pieces: list[_Piece], each: Rest) -> Rest:
+    """A pause of several rests: by each of them, or by the compass at its ends alone, whichever tells more.
+
+    Between two rests of one pause the wearer shuffles and handles the device, but stays at one place, where the
+    compass knows the turn of the whole pause; the gyroscope's angle meanwhile is as wrong as its bias times the time.
+    """
+    first, last = pieces[0], pieces[-1]
+    span_s = last.end_s - first.begin_s
+    moving_s = span_s - each.duration_s
+    expected = each.drift_rad + each.rate_rad_s * moving_s
+    sigma = math.hypot(first.unsettled_rad, _COMPASS_RAD, _SHUFFLED_RAD)
+    offset = last.end_rad - first.begin_rad
+    expected_sigma = math.hypot(each.drift_sigma_rad, each.sigma_rad_s * moving_s)
+    if not math.isfinite(offset) or expected_sigma < sigma:
+        return each
+    drift = expected + wrap_scalar(offset - expected)
+    if expected_sigma > _FULL_TURN_RAD:  # by how many full turns the gyroscope is wrong, nobody knows
+        return replace(each, duration_s=span_s, drift_rad=drift, drift_sigma_rad=sigma)
+    return Rest(drift / span_s, math.hypot(sigma / span_s, _REST_FLOOR_RAD_S), span_s, drift, sigma)
+
+
+def _relative(rows: FloatArray) -> float:
+    """Mean of gyroscope less compass over some samples."""
+    off = rows[:, 1] - rows[:, 2]
+    return float(rows[0, 1] - rows[0, 2] + np.asarray(wrap_angle(off - off[0])).mean())
 
 
 def _drift(begin: FloatArray, last: FloatArray, unsettled_rad: float) -> tuple[float, float]:
