@@ -74,8 +74,11 @@ class GaitDirection:
 
 
 def beat_of(signals: LevelledSignals, lo: int, hi: int, peak: Peak) -> Beat | None:
-    """The beat of a step, rows ``lo`` to ``hi`` of the signals; None with a gap in it, several steps or few samples."""
-    if peak.count > 1 or hi - lo != peak.index - peak.start_index or hi - lo < _FEWEST:
+    """The beat of a step, rows ``lo`` to ``hi`` of the signals.
+
+    None with a gap in it, too few samples or several steps; nor has who sets off and stops at once a beat.
+    """
+    if peak.count > 1 or peak.share < 1 or hi - lo != peak.index - peak.start_index or hi - lo < _FEWEST:
         return None
     phase = (2.0 * np.pi / (hi - lo)) * np.arange(1, hi - lo + 1)
     acc: FloatArray = signals.acc_n_m_s2[lo:hi]

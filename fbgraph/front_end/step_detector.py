@@ -26,7 +26,8 @@ _RISE_SIGMA = 0.7  # of a sinusoid, a quarter of its height
 _RUNNING_S, _RUNNING_M_S2 = 0.38, 3.0  # nobody takes so quick steps and hardly moves
 _SWUNG_RAD_S = 0.8  # and of one on a limb
 _CARRIED_RAD_S = 0.5  # mean tilting of a device that is held, not swung
-_HELD_BACK_S = 10.0  # tops that a run may yet confirm; the gauge remembers twelve
+_HELD_BACK_S, _REMEMBERED_S = 10.0, LOOK_BACK_S - 1.0  # tops that a run may yet confirm; how far back a step may begin
+_LONG_AFTER_S = 60.0
 _FILL_S = 0.4  # of a shorter period the half cannot be told from the whole
 _BOUT_INTERVAL_S = (0.4, 1.1)
 _BOUT_TILT_RAD_S = 0.5
@@ -36,6 +37,7 @@ _LEAST_SWING = 0.015, 0.01  # rad/s, and for each m/s²: nobody carries a device
 _BOUT_BREADTH = 0.015
 _PUSH_S = 0.6, 0.5  # before the first top of a bout and after the last
 _BOUT_DOUBT, _SWUNG_DOUBT = 0.35, 0.15
+_ONSET_S, _ONSET_SHARE, _ONSET_DOUBT = 3.2, 0.6, 0.5
 _UNRESOLVED_DOUBT, _UNRESOLVED_SHARE = 0.8, 0.6  # a limb's swing, too brief to be sure that it went anywhere
 _BOUT_SHARE = 0.8  # who sets off and comes to a stand at once takes short steps
 
@@ -76,6 +78,7 @@ class StepDetector:
         self._past = _Past()
         self._pending: list[_Top] = []
         self._walking = False
+        self._told = 0  # grid index up to which steps were told
         self._lost = 0  # tops since the walk had a rhythm
 
     def push(self, signals: LevelledSignals) -> list[list[Peak]]:
@@ -94,16 +97,17 @@ class StepDetector:
         peak = (value[1:-1] > value[:-2]) & (value[1:-1] >= value[2:]) & (value[1:-1] > past.threshold[1:-1])
         at_peaks = np.flatnonzero(np.where(past.slow[1:-1], peak[:, 1], peak[:, 0])) + 1
         for at in at_peaks[past.index[at_peaks] > past.judged].tolist():
-            runs += self._after_silence(int(past.index[at]))
-            runs += self._judge(at, past)
+            runs += self._after_silence(int(past.index[at])) + self._judge(at, past)
+            self._told = runs[-1][-1].index if runs else self._told
         past.judged = int(past.index[-2]) if len(past.index) > 1 else past.judged
         runs += self._after_silence(past.judged + 1)
+        self._told = runs[-1][-1].index if runs else self._told
         past.trim(int(LOOK_BACK_S * self._rate_hz))
-        return [run for run in runs if run]
+        return runs
 
     def finish(self) -> list[list[Peak]]:
         """The bout that nothing follows."""
-        return [run for run in self._after_silence(self._past.judged + int(10.0 * LOOK_BACK_S * self._rate_hz)) if run]
+        return self._after_silence(self._past.judged + int(_LONG_AFTER_S * self._rate_hz))
 
     def _after_silence(self, index: int) -> list[list[Peak]]:
         """What ended before it became a run.
@@ -158,7 +162,7 @@ class StepDetector:
         tilt = past.tilt_rate[since : at + 1].mean()
         calm = max(tilt, frame.swing_rad_s) < _BOUT_TILT_RAD_S and frame.breadth > _BOUT_BREADTH
         calm = calm and rise >= config.min_rise_m_s2
-        flushed = [] if in_run else self._after_silence(index + int(10 * LOOK_BACK_S * rate))
+        flushed = [] if in_run else self._after_silence(index + int(_LONG_AFTER_S * rate))
         return flushed + self._follow(
             _Top(index, handled, bool(calm), bool(rise < config.min_rise_m_s2), frame), in_run, frame
         )
@@ -189,8 +193,22 @@ class StepDetector:
         else:
             tops = self._pending
         self._walking, self._pending = True, self._pending[-1:]
-        run = _peaks(self._filled([top.index for top in tops], frame))
-        return [[frame.peak(peak.index, peak.start_index, peak.first) for peak in run]]
+        run = [
+            frame.peak(peak.index, peak.start_index, peak.first)
+            for peak in _peaks(self._filled([held.index for held in tops], frame))
+        ]
+        if any(held.weak for held in tops):
+            onset = self._onset(run[0], frame, top.index)
+            run = [*onset, replace(run[0], first=not onset), *run[1:]]
+        return [run]
+
+    def _onset(self, first: Peak, frame: _Frame, now: int) -> list[Peak]:
+        """What was walked before a rhythm that alone makes steps was known: one long step, in doubt."""
+        end, rate = first.start_index, self._rate_hz
+        earliest = max(end - int(_ONSET_S * rate), now - int(_REMEMBERED_S * rate), self._told)
+        start = self._past.moved_since(end, earliest, _ONSET_SHARE * frame.moved_m_s2)
+        count = (end - start) / (frame.period_s * rate)
+        return [Peak(end, start, True, _ONSET_DOUBT, count)] if count >= 1.0 else []
 
     def _filled(self, marks: list[int], frame: _Frame) -> list[int]:
         """Steps set evenly where a steady rhythm leaves one or two out."""
@@ -306,6 +324,14 @@ class _Past:
             return 0.0
         speed = np.cumsum(acc - acc.mean(axis=0), axis=0) / rate_hz
         return float(np.hypot(*np.ptp(speed, axis=0)))
+
+    def moved_since(self, end: int, earliest: int, least_m_s2: float) -> int:
+        """From which grid index on, up to ``end`` and not before ``earliest``, the device moved so much."""
+        frames = self.frames
+        resting = (frames.index <= end) & ~((frames.index > earliest) & (frames.moved_m_s2 > least_m_s2))
+        at = np.flatnonzero(resting)
+        begun = max(int(frames.index[at[-1]]), earliest) if len(at) else end
+        return begun if begun < end and self.whole(begun, end) else end
 
     def whole(self, first: int, last: int) -> bool:
         """Whether the log has no gap between two grid indices."""

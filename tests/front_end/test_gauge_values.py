@@ -246,6 +246,7 @@ def test_any_chunks_give_the_same_step() -> None:
     assert all(repr(gauged(signals, ONE, chunk=chunk)) == repr(whole) for chunk in (1, 37, 600))
 
 
+<<<<<<< HEAD
 @pytest.mark.parametrize(("end", "doubt_m"), [(30, 1.6), (119, 1.6), (120, 0.0), (1050, 0.0)])
 def test_the_first_step_of_a_log_that_begins_in_the_middle_of_a_walk_is_doubted(end: int, doubt_m: float) -> None:
     peaks = Peak(end, end - 50, True), Peak(end + 50, end, False)
@@ -253,3 +254,64 @@ def test_the_first_step_of_a_log_that_begins_in_the_middle_of_a_walk_is_doubted(
     assert (start.doubt_m, first.doubt_m, second.doubt_m) == (0.0, doubt_m, 0.0)
     sure = CONFIG.model_copy(update={"start_doubt_m": 0.0})
     assert [step.doubt_m for step in gauged(levelled(1200), *peaks, config=sure)] == [0.0] * 3
+=======
+def test_a_stretch_of_doubtful_steps_is_wrong_all_together() -> None:
+    """Every second half a metre, a third in doubt: after n of them the doubt is a third of all, not √n of one."""
+    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa": 0.0})  # 0.1 + 0.2 * 2 Hz
+    peaks = [Peak(1000 + 50 * i, 950 + 50 * i, i == 0, doubt=0.3) for i in range(5)]
+    steps = gauged(levelled(1300), *peaks, config=config)[1:]
+    for n in range(1, 6):
+        assert math.sqrt(sum(step.doubt_m**2 for step in steps[:n])) == pytest.approx(0.3 * 0.5 * n)
+
+
+def test_a_stretch_of_doubt_ends_with_a_step_beyond_doubt() -> None:
+    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa": 0.0})
+    doubts = (0.3, 0.3, 0.0, 0.3)
+    peaks = [Peak(1000 + 50 * i, 950 + 50 * i, i == 0, doubt=doubt) for i, doubt in enumerate(doubts)]
+    steps = gauged(levelled(1300), *peaks, config=config)[1:]
+    assert [s.doubt_m for s in steps] == pytest.approx([0.15, 0.15 * math.sqrt(3.0), 0.0, 0.15])
+
+
+def test_a_stretch_shares_its_doubt_up_to_twenty_metres() -> None:
+    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa": 0.0})
+    gauge = StepGauge(config, 100.0, 3.0)
+    gauge.push(levelled(1300))
+    peaks = [Peak(1000 + 50 * (i % 5), 950 + 50 * (i % 5), False, doubt=20.0) for i in range(5)]
+    doubts = [step.doubt_m for step in gauge.measure(peaks)[1:]]  # 10 m each
+    assert doubts == pytest.approx([10.0, 10.0 * math.sqrt(3.0), 10.0 * math.sqrt(5.0), 10.0, 10.0 * math.sqrt(3.0)])
+
+
+@pytest.mark.parametrize(("interval", "doubtful"), [(38, True), (45, False), (80, False), (100, True)])
+def test_nobody_knows_the_length_of_steps_at_unusual_cadences(interval: int, doubtful: bool) -> None:
+    config = CONFIG.model_copy(update={"kappa": 0.0})
+    step = gauged(levelled(1200), Peak(1000 + interval, 1000, True), config=config)[1]
+    assert step.doubt_m == pytest.approx(0.2 * step.length_m if doubtful else 0.0)
+
+
+def test_a_length_that_shrinks_with_cadence_does_not_vanish_in_a_run() -> None:
+    shrinking = CONFIG.model_copy(update={"alpha_m": 1.2, "beta_m_s": -0.3, "kappa": 0.0})
+    assert gauged(levelled(1200), Peak(1032, 1000, True), config=shrinking)[1].length_m == pytest.approx(
+        1.2 - 0.3 * 2.4
+    )
+    growing = CONFIG.model_copy(update={"kappa": 0.0})
+    assert gauged(levelled(1200), Peak(1032, 1000, True), config=growing)[1].length_m == pytest.approx(0.4 + 0.2 / 0.32)
+
+
+def test_one_peak_may_stand_for_several_steps_or_for_part_of_one() -> None:
+    config = CONFIG.model_copy(update={"kappa": 0.0})
+    long, short = (
+        gauged(levelled(1300), peak, config=config)[1]
+        for peak in (Peak(1200, 1000, True, count=4.0), Peak(1050, 1000, True, share=0.8))
+    )
+    assert (long.frequency_hz, short.frequency_hz) == (2.0, 2.0)
+    assert long.length_m == pytest.approx(4 * 0.8)
+    assert short.length_m == pytest.approx(0.8 * 0.8)
+    assert math.isnan(long.gait_yaw_rad)
+
+
+def test_a_limb_swings_more_than_its_wearer_bounces() -> None:
+    signals = levelled(1200, up_m_s2=bounce(2.0, 34.0))
+    worn, swung = (gauged(signals, Peak(1050, 1000, True, swung=limb))[1] for limb in (False, True))
+    assert (worn.bounce_m_s2, swung.bounce_m_s2) == (32.0, 12.0)
+    assert worn.length_m - swung.length_m == pytest.approx(0.1 * (32.0**0.25 - 12.0**0.25))
+>>>>>>> fbeb3ca (Steps before a weak rhythm was known count with doubt; tests and faults of the rhythm)
