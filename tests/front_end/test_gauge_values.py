@@ -246,7 +246,6 @@ def test_any_chunks_give_the_same_step() -> None:
     assert all(repr(gauged(signals, ONE, chunk=chunk)) == repr(whole) for chunk in (1, 37, 600))
 
 
-<<<<<<< HEAD
 @pytest.mark.parametrize(("end", "doubt_m"), [(30, 1.6), (119, 1.6), (120, 0.0), (1050, 0.0)])
 def test_the_first_step_of_a_log_that_begins_in_the_middle_of_a_walk_is_doubted(end: int, doubt_m: float) -> None:
     peaks = Peak(end, end - 50, True), Peak(end + 50, end, False)
@@ -254,7 +253,8 @@ def test_the_first_step_of_a_log_that_begins_in_the_middle_of_a_walk_is_doubted(
     assert (start.doubt_m, first.doubt_m, second.doubt_m) == (0.0, doubt_m, 0.0)
     sure = CONFIG.model_copy(update={"start_doubt_m": 0.0})
     assert [step.doubt_m for step in gauged(levelled(1200), *peaks, config=sure)] == [0.0] * 3
-=======
+
+
 def test_a_stretch_of_doubtful_steps_is_wrong_all_together() -> None:
     """Every second half a metre, a third in doubt: after n of them the doubt is a third of all, not √n of one."""
     config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa": 0.0})  # 0.1 + 0.2 * 2 Hz
@@ -314,4 +314,3 @@ def test_a_limb_swings_more_than_its_wearer_bounces() -> None:
     worn, swung = (gauged(signals, Peak(1050, 1000, True, swung=limb))[1] for limb in (False, True))
     assert (worn.bounce_m_s2, swung.bounce_m_s2) == (32.0, 12.0)
     assert worn.length_m - swung.length_m == pytest.approx(0.1 * (32.0**0.25 - 12.0**0.25))
->>>>>>> fbeb3ca (Steps before a weak rhythm was known count with doubt; tests and faults of the rhythm)
