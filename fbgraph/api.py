@@ -28,7 +28,7 @@ from fbgraph.readers import preset, read_log
 from fbgraph.readers.cleaning import LogFile
 from fbgraph.readers.dataframe import dataframe_lines, read_dataframe
 from fbgraph.readers.live_lines import LiveReader
-from fbgraph.run.findings import Finding
+from fbgraph.run.finding import Finding
 from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.read_run import read_run

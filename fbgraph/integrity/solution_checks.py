@@ -134,7 +134,7 @@ def smoother_against_others(walk: Evidence) -> list[Doubt]:
     if len(others) < 2 or "smoothed" in walk.failed or walk.aids.places_known or walk.aids.closed_walk:
         return []
     apart_m = np.minimum(*(_apart_m(smoothed, other) for other in others))
-    allowed_m = _allowed_m(smoothed, walk.config.graph)
+    allowed_m = np.hypot(_allowed_m(smoothed, walk.config.graph), _iron_m(walk))
     worst = int((apart_m / allowed_m).argmax())
     ratio = float(apart_m[worst] / allowed_m[worst])
     if ratio <= _APART:
@@ -146,6 +146,15 @@ def smoother_against_others(walk: Evidence) -> list[Doubt]:
     advice = "one of the sensors misleads it; compare the three in the recording"
     reason = Reason("estimators", ratio / _APART, text, advice, float(smoothed.t_s[worst]))
     return [Doubt(reason, np.maximum.accumulate(apart_m))]
+
+
+def _iron_m(walk: Evidence) -> FloatArray:
+    """(K+1,) how far the device's own iron may have led the others astray, which do not know of it."""
+    device = walk.smoothed.device
+    if device is None or len(device.iron_ut) == 0:
+        return np.zeros(len(walk.track))
+    iron, usual = np.hypot(device.iron_ut[:, 0], device.iron_ut[:, 1]), np.maximum(device.iron_ut[:, 2], 1e-6)
+    return turned_m(walk.track, float((iron / usual).max()))
 
 
 def _apart_m(one: Trajectory, other: Trajectory) -> FloatArray:

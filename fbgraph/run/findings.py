@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.geometry import FloatArray, turned, wrap_angle
+from fbgraph.run.device_findings import device_findings
+from fbgraph.run.finding import Finding
 from fbgraph.run.metrics import leg_errors
 from fbgraph.run.timeline_lanes import DOUBTED_BELOW, MOVING, compass_trust, stretches, wearer_lane
 from fbgraph.run.walk_result import WalkResult
@@ -18,19 +18,10 @@ _SAME_HEIGHT_M = 0.5  # passes of one place that differ by more in altitude are 
 _MOST = 5  # stretches of one kind that are told
 
 
-@dataclass(frozen=True)
-class Finding:
-    """A stretch of a walk that deserves a look; ``start_s``, ``end_s`` since log start."""
-
-    kind: str
-    start_s: float
-    end_s: float
-    text: str
-
-
 def walk_findings(result: WalkResult) -> list[Finding]:
     """Everything worth telling of a walk, in order of time; of each kind the longest stretches only."""
-    kinds = (_compass(result), _steps(result), _gaps(result), _places(result), _truth(result))
+    device = device_findings(result.smoothed.device, result.track)
+    kinds = (_compass(result), _steps(result), _gaps(result), _places(result), _truth(result), device)
     chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
     return sorted([*_doubts(result), *chosen, *_worn(result), *_bias(result)], key=lambda finding: finding.start_s)
 

@@ -15,7 +15,8 @@ from fbgraph.core.georeference import Georeference
 from fbgraph.core.sensor_log import SensorLog, Stream
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.pipeline import reconstruct
-from fbgraph.run.findings import Finding, walk_findings
+from fbgraph.run.finding import Finding
+from fbgraph.run.findings import walk_findings
 from fbgraph.run.timeline_lanes import (
     DOUBTED,
     STANDING,

@@ -13,7 +13,8 @@ from support.results_by_hand import T0_S, changed, hand_result, hand_signals, re
 from fbgraph.core.aids import Told
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.run.findings import Finding, walk_findings
+from fbgraph.run.finding import Finding
+from fbgraph.run.findings import walk_findings
 from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.records import Closure
 
