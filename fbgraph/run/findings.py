@@ -146,8 +146,10 @@ def _truth(result: WalkResult) -> list[Finding]:
         return []
     t_s = truth.t_s - result.log.t0_s
     off_m = np.hypot(*(smoothed.at(t_s)[:, :2] - truth.xy_m - result.truth_shift_m).T)[1:]
-    limit_m = 2.0 * np.interp(t_s[1:], smoothed.t_s, sigma_m)
-    beyond = off_m > np.maximum(limit_m, 0.5)  # checkpoints are not surveyed better
+    own_m = np.nan_to_num(truth.sigma_m, nan=0.0)
+    survey_m = np.hypot(own_m[1:], own_m[0] if result.told.anchors is None else 0.0)  # the first is where both agree
+    limit_m = 2.0 * np.hypot(np.interp(t_s[1:], smoothed.t_s, sigma_m), survey_m)
+    beyond = off_m > np.maximum(limit_m, 0.5)  # checkpoints of unknown sigma are not surveyed better
     start_s, end_s = float(t_s[0]), float(t_s[-1])
     found = []
     if beyond.mean() > 0.1:

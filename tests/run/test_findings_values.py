@@ -238,6 +238,13 @@ def test_the_first_checkpoint_is_where_the_walk_agrees() -> None:
     assert known(moved) == []
 
 
+def test_the_survey_may_be_off_at_the_checkpoint_and_at_the_first() -> None:
+    """Two sigma of 0.4 m of walk and 0.3 m of survey, twice: 1.17 m."""
+    surveyed = [replace(beside(off_m), sigma_m=np.full(12, 0.3)) for off_m in (1.15, 1.19)]
+    assert [len(known(places)) for places in surveyed] == [0, 1]
+    assert len(known(beside(1.15))) == 1
+
+
 def turned(by_deg: float, longer: float = 1.0) -> Checkpoints:
     """Truth of a walk that was smoothed turned to the left by so much, and so many times too long."""
     at = 4.0 / longer * np.arange(7.0) * np.exp(-1j * math.radians(by_deg))
