@@ -239,8 +239,10 @@ class GraphConfig(Section):
     """Where the log is silent the wearer may have walked at this speed, in any direction."""
     sigma_gap_yaw_rad_s: Sigma = 1.0
     """And turned at this rate, up to facing anywhere."""
-    sigma_altitude_m: Sigma = 0.35
-    """Barometric altitude of one step."""
+    sigma_altitude_m: Sigma = 0.25
+    """Barometric altitude of one step, in still air."""
+    gust_s: NonNegative = 2.0
+    """How long a gust lasts."""
     sigma_climb_m: Sigma = 0.12
     """Change of altitude in one step."""
     sigma_weather_m: Sigma = 0.02

@@ -25,7 +25,7 @@ from fbgraph.estimators.aided import (
     solved_frame,
     told_residuals,
 )
-from fbgraph.estimators.altitude_chain import weather_sigma_m
+from fbgraph.estimators.altitude_chain import air_sigma_m, weather_sigma_m
 from fbgraph.estimators.closure_weights import WeighedClosures, weigh
 from fbgraph.estimators.compass_factors import UNIT_UT
 from fbgraph.estimators.estimates import DeviceErrors, Smoothed
@@ -296,7 +296,7 @@ def _trajectory_of(
     covariance = np.array([marginals.marginalCovariance(X(k)) for k in range(count)])
     sigma_z = np.array([marginals.marginalCovariance(Z(k))[0, 0] for k in range(count)]) ** 0.5
     if np.isfinite(track.altitude_m).any():
-        sigma_z = np.hypot(sigma_z, weather_sigma_m(track.t_s, config))
+        sigma_z = np.sqrt(sigma_z**2 + weather_sigma_m(track.t_s, config) ** 2 + air_sigma_m(track) ** 2)
     sigma_bias = np.array([marginals.marginalCovariance(B(k))[0, 0] for k in range(count)]) ** 0.5
     covariance = body_to_world(covariance, poses[:, 2])
     if not anchored:

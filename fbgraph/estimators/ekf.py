@@ -104,6 +104,8 @@ class HeadingEkf:
         if self._previous is None or math.isnan(step.altitude_m):
             return z_m
         dt_s = step.t_s - self._previous.t_s
+        self._altitude_0 += step.blown_m  # the air's own doing
+        z_m += step.carried_m
         return z_m + (1.0 - math.exp(-dt_s / self._config.altitude_tau_s)) * (step.altitude_m - self._altitude_0 - z_m)
 
 

@@ -39,7 +39,7 @@ from fbgraph.core.config import GraphConfig
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.aid_factors import add_aids
-from fbgraph.estimators.altitude_chain import AltitudeChain
+from fbgraph.estimators.altitude_chain import AltitudeChain, with_gusts_foreseen
 from fbgraph.estimators.compass_factors import UNIT_UT, compass_factors, iron_factor, recalibration_factor
 from fbgraph.estimators.gyroscope import GyroTurn, gyro_turn
 from fbgraph.estimators.heading_chain import HeadingSolution
@@ -164,11 +164,12 @@ def build_graph(
     """
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     builder = GraphBuilder(config, aids, compass=bool(np.isfinite(track.yaw_mag_rad[1])))
-    columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s))
+    isobar_m = -np.cumsum(track.blown_m)  # near enough to start from
+    columns = np.column_stack((seed.x_m, seed.y_m, seed.z_m, seed.yaw_rad, seed.gyro_bias_rad_s, isobar_m))
     previous = None
-    for step, row in zip(track.steps, columns.tolist(), strict=True):
-        x_m, y_m, z_m, yaw_rad, bias_rad_s = row
-        node = Node(x_m, y_m, z_m, yaw_rad, bias_rad_s, gyro_scale=heading.gyro_scale)
+    for step, row in zip(with_gusts_foreseen(track.steps), columns.tolist(), strict=True):
+        x_m, y_m, z_m, yaw_rad, bias_rad_s, near_m = row
+        node = Node(x_m, y_m, z_m, yaw_rad, bias_rad_s, near_m, heading.gyro_scale)
         builder.add(step, node, previous, graph, values)
         previous = node
     known = np.isfinite(track.yaw_mag_rad)

@@ -253,4 +253,5 @@ class OnlineSmoother:
         yaw = previous.yaw_rad + turned
         x_m = previous.x_m + step.length_m * math.cos(yaw)
         y_m = previous.y_m + step.length_m * math.sin(yaw)
-        return Node(x_m, y_m, previous.z_m, yaw, previous.bias_rad_s, previous.isobar_m, previous.gyro_scale)
+        z_m, isobar_m = previous.z_m + step.carried_m, previous.isobar_m - step.blown_m
+        return Node(x_m, y_m, z_m, yaw, previous.bias_rad_s, isobar_m, previous.gyro_scale)

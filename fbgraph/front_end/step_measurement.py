@@ -9,13 +9,13 @@ import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.front_end.climb import ClimbGauge
 from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
 from fbgraph.front_end.step_length import flat_length_m
 from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step
 
-_ALTITUDE_WINDOW_S = 5.0  # climb is judged over this long
 _USUAL_HZ = (1.1, 2.4)  # cadences at which step lengths were measured; nobody knows the runner's and the groper's
 _UNUSUAL_DOUBT = 0.2
 _LIMB_BOUNCE_M_S2 = 12.0  # a limb swings more than its wearer bounces
@@ -31,6 +31,7 @@ class StepGauge:
         self._rate_hz = rate_hz
         self._signals: LevelledSignals | None = None
         self._rests = Rests(rate_hz, settle_s)
+        self._climb = ClimbGauge(length, rate_hz)
         self._gait = GaitDirection()
         self._last_end: int | None = None
         self._last_interval: float | None = None
@@ -39,6 +40,7 @@ class StepGauge:
     def push(self, signals: LevelledSignals) -> None:
         """Take the next signals, before the peaks found in them."""
         self._rests.push(signals)
+        self._climb.push(signals)
         known = signals if self._signals is None else LevelledSignals.concatenate([self._signals, signals])
         self._signals = known.tail(int(LOOK_BACK_S * self._rate_hz) + len(signals))
 
@@ -77,24 +79,25 @@ class StepGauge:
             yaw_mag_rad = float(wrap_angle(np.asarray(yaw_gyro_rad + mean_offset)))
         bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
         bounce = min(bounce, _LIMB_BOUNCE_M_S2) if peak.swung else bounce
-        slope = self._slope(signals, hi, frequency_hz, bounce)
-        # a length that shrinks with cadence does so within the cadences it was measured at
-        model_hz = min(frequency_hz, _USUAL_HZ[1]) if self._length.beta_m_s < 0 else frequency_hz
-        each_m = flat_length_m(self._length, model_hz, bounce) + self._length.gamma_m * slope
-        length = max(each_m, self._length.shortest_m) * peak.count * peak.share
         rest = self._rests.take(peak.index)
         # a hole in the index between this step and the one before is a gap in the log
         since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
         chained = bool(signals.index[hi - 1] - signals.index[since] == hi - 1 - since)
         if self._last_end is not None and signals.index[0] > self._last_end:
             chained = self._rests.unbroken_between(self._last_end, peak.index)
+        altitude_m = _mean_finite(signals.altitude_m[lo:hi])
+        air = self._climb.judge(peak, altitude_m, frequency_hz, bounce, chained)
+        # a length that shrinks with cadence does so within the cadences it was measured at
+        model_hz = min(frequency_hz, _USUAL_HZ[1]) if self._length.beta_m_s < 0 else frequency_hz
+        each_m = flat_length_m(self._length, model_hz, bounce) + self._length.gamma_m * air.slope
+        length = max(each_m, self._length.shortest_m) * peak.count * peak.share
         return Step(
             t_s=peak.index / self._rate_hz,
             start_s=peak.start_index / self._rate_hz,
             length_m=length,
             frequency_hz=frequency_hz,
-            slope=slope,
-            shortened_m=abs(self._length.gamma_m * slope) * peak.count,
+            slope=air.slope,
+            shortened_m=abs(self._length.gamma_m * air.slope) * peak.count,
             bounce_m_s2=bounce,
             doubt_m=self._doubt_m(peak, length, frequency_hz),
             yaw_s=float(signals.t_s[lo:hi].mean()),
@@ -102,7 +105,11 @@ class StepGauge:
             yaw_mag_rad=yaw_mag_rad,
             mag_norm_ut=_mean_finite(signals.mag_norm_ut[lo:hi]),
             mag_dip_rad=_mean_finite(signals.mag_dip_rad[lo:hi]),
-            altitude_m=_mean_finite(signals.altitude_m[lo:hi]),
+            altitude_m=altitude_m,
+            altitude_sigma_m=air.sigma_m,
+            gusty=air.gusty,
+            carried_m=air.carried_m,
+            blown_m=air.blown_m,
             chained=chained,
             rest_rate_rad_s=rest.rate_rad_s,
             rest_sigma_rad_s=rest.sigma_rad_s,
@@ -129,21 +136,6 @@ class StepGauge:
         )
         return _mean_finite(self._signals.altitude_m[lo:hi])
 
-    def _slope(self, signals: LevelledSignals, end: int, frequency_hz: float, bounce_m_s2: float) -> float:
-        """|climb rate| over flat walking speed; 0 within what air pressure does by itself."""
-        start = max(end - int(_ALTITUDE_WINDOW_S * self._rate_hz), 0)
-        holes = np.flatnonzero(np.diff(signals.index[start:end]) > 1)
-        start += int(holes[-1]) + 1 if len(holes) else 0  # what was climbed while the log was silent is no slope
-        altitude = signals.altitude_m[start:end]
-        third = max(len(altitude) // 3, 1)
-        rise_m = altitude[-third:].mean() - altitude[:third].mean()
-        span_s = (len(altitude) - third) / self._rate_hz
-        climb_m_s = abs(rise_m) / span_s if span_s > 0 else 0.0
-        if not climb_m_s > self._length.min_climb_m_s:  # also when it is nan
-            return 0.0
-        flat_speed = max(flat_length_m(self._length, frequency_hz, bounce_m_s2), self._length.shortest_m) * frequency_hz
-        return float(climb_m_s / flat_speed)
-
 
 def _standing_start(first: Step, altitude_m: float) -> Step:
     """The breadcrumb before the first step: same direction, no length, where the step began."""
@@ -158,6 +150,8 @@ def _standing_start(first: Step, altitude_m: float) -> Step:
         mag_norm_ut=math.nan,
         mag_dip_rad=math.nan,
         altitude_m=altitude_m,
+        carried_m=0.0,
+        blown_m=0.0,
         chained=True,
         rest_rate_rad_s=math.nan,
         rest_sigma_rad_s=math.nan,

@@ -72,6 +72,14 @@ class Step:
     """Mean dip of the magnetic field over the step."""
     altitude_m: float
     """Mean barometric altitude over the step, standard atmosphere."""
+    altitude_sigma_m: float
+    """Its standard deviation, from the scatter of the last seconds; nan if unknown."""
+    gusty: bool
+    """Whether air pressure has been going to and fro lately, as in wind."""
+    carried_m: float
+    """Altitude gained since the step before without a step: a lift, an escalator. 0 if none."""
+    blown_m: float
+    """What pressure did since the step before, as altitude, that neither legs nor lifts do. 0 if nothing."""
     chained: bool
     """False if a gap in the log lies before it, so that the gyroscope says nothing about the turn since."""
     rest_rate_rad_s: float

@@ -22,15 +22,21 @@ from fbgraph.way_back.turns import find_turns, leg_yaws
 
 _STEEP = 0.1  # a step that rises or falls by more of its length was shortened by the slope
 MIN_CLIMB_M = 1.0  # less is air pressure as often as it is a climb
+_RIDE_STEP_M, _RIDE_M = 0.4, 2.0  # no leg lifts its walker so high in a step: a lift or an escalator did
+_SURE = 2.0  # a climb is told if it is so many of its standard deviations
 
 
 @dataclass(frozen=True)
 class Climb:
-    """Stairs or a slope on a leg: from ``after_m`` behind its beginning to ``before_m`` ahead of its end."""
+    """Stairs or a slope on a leg: from ``after_m`` behind its beginning to ``before_m`` ahead of its end.
+
+    ``ride`` says that nobody stepped meanwhile: a lift or an escalator.
+    """
 
     after_m: float
     before_m: float
     rise_m: float
+    ride: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,10 +56,11 @@ class Leg:
         points_m: (x, y, z) of its breadcrumbs in the world frame, those of the turns at its ends included.
         direction: unit vector (East, North) of the direction walked, without the steps that turn.
         length_m: walked, on the plan.
-        climbs: where it rises or falls by at least ``MIN_CLIMB_M``.
+        climbs: where it rises or falls by at least ``MIN_CLIMB_M``, and by more than its uncertainty.
         landmarks: in the order in which they are passed.
         sigma_along_m, sigma_across_m: standard deviation of its end as seen from its beginning, see ``leg_sigmas``;
             None where the estimator gives no covariance.
+        sigma_rise_m: standard deviation of its rise; None where the estimator gives none of altitude.
     """
 
     points_m: tuple[tuple[float, float, float], ...]
@@ -63,6 +70,7 @@ class Leg:
     landmarks: tuple[Landmark, ...] = ()
     sigma_along_m: float | None = None
     sigma_across_m: float | None = None
+    sigma_rise_m: float | None = None
 
     @property
     def yaw_rad(self) -> float:
@@ -80,7 +88,7 @@ class Leg:
             self,
             points_m=self.points_m[::-1],
             direction=(-self.direction[0], -self.direction[1]),
-            climbs=tuple(Climb(c.before_m, c.after_m, -c.rise_m) for c in reversed(self.climbs)),
+            climbs=tuple(Climb(c.before_m, c.after_m, -c.rise_m, c.ride) for c in reversed(self.climbs)),
             landmarks=tuple(Landmark(m.label, m.before_m, m.after_m) for m in reversed(self.landmarks)),
         )
 
@@ -183,10 +191,11 @@ def directions_of(
                 points_m=tuple(points[lo : hi + 1]),
                 direction=(math.cos(yaw[leg]), math.sin(yaw[leg])),
                 length_m=end_m - start_m,
-                climbs=tuple(_climbs(distance[lo : hi + 1], trajectory.z_m[lo : hi + 1])),
+                climbs=_told_climbs(trajectory, lo, hi),
                 landmarks=tuple(Landmark(label, at_m - start_m, end_m - at_m) for at_m, label in here),
                 sigma_along_m=along_m,
                 sigma_across_m=across_m,
+                sigma_rise_m=_sigma_rise_m(trajectory, lo, hi),
             )
         )
     cov = trajectory.cov_xy_yaw
@@ -232,6 +241,41 @@ def leg_sigmas(
         first, last = (math.sqrt(max(float(axis @ cov[k, :2, :2] @ axis), 0.0)) for k in (lo, hi))
         bounded.append(min(max(sigma, abs(last - first)), last + first))
     return math.hypot(bounded[0], usual_m * math.sqrt(2.0 / 12.0)), bounded[1]
+
+
+def surely_climbs(rise_m: float, sigma_m: float | None) -> bool:
+    """Whether a rise is worth telling: a metre, and beyond what its standard deviation allows."""
+    return abs(rise_m) >= max(MIN_CLIMB_M, _SURE * (sigma_m or 0.0))
+
+
+def _sigma_rise_m(trajectory: Trajectory, lo: int, hi: int) -> float | None:
+    """Standard deviation of the rise from one breadcrumb to another.
+
+    Errors of altitude add up along a walk, so the difference of the two variances is that of what lies between.
+    """
+    sigma = trajectory.sigma_z_m
+    if sigma is None or not np.isfinite(sigma[[lo, hi]]).all():
+        return None
+    return math.sqrt(abs(float(sigma[hi] ** 2 - sigma[lo] ** 2)))
+
+
+def _told_climbs(trajectory: Trajectory, lo: int, hi: int) -> tuple[Climb, ...]:
+    """Rides, and slopes without them, between two breadcrumbs, in the order in which they are met."""
+    distance_m, z_m = trajectory.distance_m[lo : hi + 1], trajectory.z_m[lo : hi + 1]
+    rise_m = np.diff(z_m)
+    fast = np.where(np.abs(rise_m) > _RIDE_STEP_M, np.sign(rise_m), 0.0)
+    edges = np.flatnonzero(np.diff(fast, prepend=0.0, append=0.0)).tolist()
+    rides: list[Climb] = []
+    level_m = z_m.copy()
+    for first, last in itertools.pairwise(edges):
+        ridden_m = float(z_m[last] - z_m[first])
+        if abs(ridden_m) >= _RIDE_M and fast[first]:
+            after_m = float(distance_m[first] - distance_m[0])
+            rides.append(Climb(after_m, float(distance_m[-1] - distance_m[last]), ridden_m, ride=True))
+            level_m[first + 1 :] -= np.minimum(np.cumsum(np.abs(rise_m[first:])), abs(ridden_m)) * fast[first]
+    sigma_m = _sigma_rise_m(trajectory, lo, hi)
+    slopes = [climb for climb in _climbs(distance_m, level_m) if surely_climbs(climb.rise_m, sigma_m)]
+    return tuple(sorted([*rides, *slopes], key=lambda climb: climb.after_m))
 
 
 def _climbs(distance_m: FloatArray, z_m: FloatArray) -> Iterable[Climb]:

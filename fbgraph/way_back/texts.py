@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from fbgraph.core.geometry import heading_deg
 from fbgraph.core.safe_text import for_csv, for_json, for_terminal, short_name
-from fbgraph.way_back.legs import MIN_CLIMB_M, Climb, Directions, Leg
+from fbgraph.way_back.legs import Climb, Directions, Leg, surely_climbs
 
 Units = Literal["metric", "steps"]
 
@@ -180,7 +180,15 @@ def leg_rows(way: Directions, units: Units = "metric") -> list[dict[str, Any]]:
             "length_m": round(leg.length_m, 3),
             "steps": round(leg.length_m / way.pace_m),
             "rise_m": _rounded(leg.rise_m),
-            "climbs": [{key: _rounded(value) for key, value in vars(climb).items()} for climb in leg.climbs],
+            "climbs": [
+                {
+                    "after_m": _rounded(climb.after_m),
+                    "before_m": _rounded(climb.before_m),
+                    "rise_m": _rounded(climb.rise_m),
+                    "lift": climb.ride,
+                }
+                for climb in leg.climbs
+            ],
             "remaining_m": round(way.remaining_m(i), 3),
             "sigma_along_m": _rounded(leg.sigma_along_m),
             "sigma_across_m": _rounded(leg.sigma_across_m),
@@ -193,13 +201,15 @@ def leg_rows(way: Directions, units: Units = "metric") -> list[dict[str, Any]]:
 
 def _climbs(leg: Leg) -> tuple[Climb, ...]:
     """Those of a leg, or its whole rise if that is not in any one place."""
-    if leg.climbs or abs(leg.rise_m) < MIN_CLIMB_M:
+    if leg.climbs or not surely_climbs(leg.rise_m, leg.sigma_rise_m):
         return leg.climbs
     return (Climb(0.0, 0.0, leg.rise_m),)
 
 
 def _climb_text(climb: Climb, leg: Leg, pace_m: float, units: Units) -> str:
     text = f"{abs(climb.rise_m):.0f} m {'up' if climb.rise_m > 0 else 'down'}"
+    if climb.ride:
+        return f"{_ride_where(climb, leg, pace_m, units)} take the lift (or escalator) {text}"
     if climb.after_m + climb.before_m < 0.4 * leg.length_m:
         return text  # most of the leg
     near_m = _NEAR_STEPS * pace_m
@@ -213,6 +223,16 @@ def _climb_text(climb: Climb, leg: Leg, pace_m: float, units: Units) -> str:
     if climb.before_m < near_m:
         return f"{text} on the last {over}"
     return f"{text} between {'steps ' if steps else ''}{begin} and {end}"
+
+
+def _ride_where(climb: Climb, leg: Leg, pace_m: float, units: Units) -> str:
+    """Where on a leg a lift is taken; the step during which it was counts to neither side."""
+    near_m = _NEAR_STEPS * pace_m
+    if climb.after_m < near_m and climb.after_m <= climb.before_m:
+        return "first"
+    if climb.before_m < near_m:
+        return "at its end"
+    return f"after {distance_text(climb.after_m, pace_m, units)}"
 
 
 def _quoted(label: str) -> str:

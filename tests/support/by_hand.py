@@ -19,11 +19,12 @@ HALF_A_METRE = StepLengthConfig(alpha_m=0.5, beta_m_s=0.0, gamma_m=0.0, kappa=0.
 
 def hand_step(**given: Any) -> Step:
     """A step of half a metre that says nothing of field and altitude."""
-    silent = dict.fromkeys(("yaw_mag_rad", "mag_norm_ut", "mag_dip_rad", "altitude_m"), math.nan)
+    silent = dict.fromkeys(("yaw_mag_rad", "mag_norm_ut", "mag_dip_rad", "altitude_m", "altitude_sigma_m"), math.nan)
     rest = {"rest_rate_rad_s": math.nan, "rest_sigma_rad_s": math.nan, "rest_s": 0.0}
     usual = {"t_s": 0.5, "start_s": 0.0, "length_m": 0.5, "frequency_hz": 2.0, "slope": 0.0, "shortened_m": 0.0}
     usual |= {"jump_x_ut": 0.0, "jump_y_ut": 0.0, "rest_drift_sigma_rad": 0.0}
     usual |= {"rest_drift_rad": given.get("rest_rate_rad_s", 0.0) * given["rest_s"] if given.get("rest_s") else 0.0}
+    usual |= {"gusty": False, "carried_m": 0.0, "blown_m": 0.0}
     usual |= {"bounce_m_s2": 5.0, "doubt_m": 0.0, "yaw_s": 0.25, "yaw_gyro_rad": 0.0, "chained": True}
     return Step(**(silent | rest | usual | given))
 
