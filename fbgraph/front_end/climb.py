@@ -110,7 +110,8 @@ class ClimbGauge:
             elif not gusty and self._riding(peak.index):
                 carried_m = changed_m
             rest_m = changed_m - carried_m
-            if abs(rest_m) > _LEGS_M * max(peak.count, 1.0) + _NOISE_M or (abs(climb_m_s) > legs_m_s and carried_m == 0.0):
+            too_high = abs(rest_m) > _LEGS_M * max(peak.count, 1.0) + _NOISE_M
+            if too_high or (abs(climb_m_s) > legs_m_s and carried_m == 0.0):
                 blown_m = rest_m
         self._last_end, self._last_altitude_m = peak.index, altitude_m
         return Air(slope, self._scatter(peak.index, gusty), gusty, carried_m, blown_m)

@@ -19,6 +19,8 @@ from fbgraph.front_end.running_sums import IntervalMean, WindowMoments, interp_c
 
 _LONG_SILENCE_S = 60.0  # of a shorter one every grid point is looked at
 _PRESSURE_MEDIAN = 5  # samples; rejects single outliers of slow barometers
+_FROZEN_SAMPLES, _FROZEN_S = 40, 8.0  # a barometer that repeats itself to the last digit for longer has stopped
+_STALE_S = 10.0  # nor does a reading hold for longer
 
 
 class Leveller:
@@ -35,6 +37,7 @@ class Leveller:
         self._mag = empty_stream(3)
         self._pressure = empty_stream(1)
         self._altitude = empty_stream(1)
+        self._repeated = (np.nan, np.nan, 0)  # the latest pressure, since when it has been the same, how often
         self._next_index: int | None = None
         self._vqf = VQF(self._dt_s, tauAcc=config.level_tau_s)
         self._yaw_wrapped: float | None = None
@@ -193,8 +196,21 @@ class Leveller:
         window = _append(self._pressure, pressure)
         sliding = np.lib.stride_tricks.sliding_window_view(window.values[:, 0], _PRESSURE_MEDIAN)
         altitude = pressure_altitude_m(np.median(sliding, axis=1))
+        altitude[self._frozen(pressure)] = np.nan
         self._altitude = _append(self._altitude, Stream(pressure.t_s, altitude[:, None]))
         self._pressure = _tail(window, _PRESSURE_MEDIAN - 1)
+
+    def _frozen(self, pressure: Stream) -> BoolArray:
+        """(N,) whether each sample has been the same for too long to be a measurement."""
+        values, t_s = pressure.values[:, 0], pressure.t_s
+        last, since_s, count = self._repeated
+        changed = np.diff(values, prepend=last) != 0.0  # also at the very first, whose predecessor is nan
+        at = np.arange(len(values))
+        begin = np.maximum.accumulate(np.where(changed, at, -1))
+        repeats = np.where(begin < 0, count + at + 1, at - begin + 1)
+        since = np.where(begin < 0, since_s, t_s[np.maximum(begin, 0)])
+        self._repeated = float(values[-1]), float(since[-1]), int(repeats[-1])
+        return np.asarray((repeats > _FROZEN_SAMPLES) & (t_s - since > _FROZEN_S))
 
     def _forget(self) -> None:
         """Drop samples that no later grid point can need."""
@@ -238,8 +254,10 @@ def _interpolate(stream: Stream, t_s: FloatArray, max_gap_s: float) -> FloatArra
 
 
 def _hold(stream: Stream, t_s: FloatArray) -> FloatArray:
-    """(N,) the latest sample at or before each time; nan before the first."""
+    """(N,) the latest sample at or before each time; nan before the first, and where it is too old."""
     if len(stream) == 0:
         return np.full(len(t_s), np.nan)
     at = np.searchsorted(stream.t_s, t_s, side="right") - 1
-    return np.where(at >= 0, stream.values[np.maximum(at, 0), 0], np.nan)
+    known = at >= 0
+    known[known] = t_s[known] - stream.t_s[at[known]] < _STALE_S
+    return np.where(known, stream.values[np.maximum(at, 0), 0], np.nan)

@@ -6,6 +6,7 @@ import numpy as np
 
 from fbgraph.core.checkpoints import anchor_breadcrumbs
 from fbgraph.core.geometry import FloatArray, turned, wrap_angle
+from fbgraph.run.altitude_findings import altitude_findings
 from fbgraph.run.device_findings import device_findings
 from fbgraph.run.finding import Finding
 from fbgraph.run.metrics import leg_errors
@@ -21,7 +22,8 @@ _MOST = 5  # stretches of one kind that are told
 def walk_findings(result: WalkResult) -> list[Finding]:
     """Everything worth telling of a walk, in order of time; of each kind the longest stretches only."""
     device = device_findings(result.smoothed.device, result.track)
-    kinds = (_compass(result), _steps(result), _gaps(result), _places(result), _truth(result), device)
+    air = altitude_findings(result)
+    kinds = (_compass(result), _steps(result), _gaps(result), air, _places(result), _truth(result), device)
     chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
     return sorted([*_doubts(result), *chosen, *_worn(result), *_bias(result)], key=lambda finding: finding.start_s)
 

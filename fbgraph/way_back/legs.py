@@ -266,13 +266,13 @@ def _told_climbs(trajectory: Trajectory, lo: int, hi: int) -> tuple[Climb, ...]:
     fast = np.where(np.abs(rise_m) > _RIDE_STEP_M, np.sign(rise_m), 0.0)
     edges = np.flatnonzero(np.diff(fast, prepend=0.0, append=0.0)).tolist()
     rides: list[Climb] = []
-    level_m = z_m.copy()
     for first, last in itertools.pairwise(edges):
         ridden_m = float(z_m[last] - z_m[first])
         if abs(ridden_m) >= _RIDE_M and fast[first]:
             after_m = float(distance_m[first] - distance_m[0])
             rides.append(Climb(after_m, float(distance_m[-1] - distance_m[last]), ridden_m, ride=True))
-            level_m[first + 1 :] -= np.minimum(np.cumsum(np.abs(rise_m[first:])), abs(ridden_m)) * fast[first]
+            rise_m[first:last] = 0.0
+    level_m = np.concatenate(([0.0], np.cumsum(rise_m)))
     sigma_m = _sigma_rise_m(trajectory, lo, hi)
     slopes = [climb for climb in _climbs(distance_m, level_m) if surely_climbs(climb.rise_m, sigma_m)]
     return tuple(sorted([*rides, *slopes], key=lambda climb: climb.after_m))
