@@ -245,3 +245,12 @@ def test_a_whole_walk_reports_the_filters_bias_and_altitude() -> None:
     assert list(trajectory.gyro_bias_rad_s[1:]) == [s.bias_rad_s for s in states[1:]]
     assert list(trajectory.z_m) == [s.z_m for s in states]
     assert trajectory.gyro_bias_rad_s[0] == trajectory.gyro_bias_rad_s[1]
+
+
+def test_a_ride_lifts_the_filter_at_once_and_a_leap_of_pressure_never() -> None:
+    ekf = HeadingEkf(EkfConfig(altitude_tau_s=3.0))
+    ekf.update(stand(altitude_m=300.0))
+    ridden = ekf.update(make_step(t_s=30.0, altitude_m=312.0, carried_m=12.0))
+    assert ridden.z_m == pytest.approx(12.0)
+    blown = ekf.update(make_step(t_s=30.5, altitude_m=320.0, blown_m=8.0))
+    assert blown.z_m == pytest.approx(12.0)

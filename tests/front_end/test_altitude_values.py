@@ -42,6 +42,31 @@ def test_a_sample_counts_from_its_own_time_on() -> None:
     assert signals.altitude_m[np.searchsorted(signals.index, 175)] == pytest.approx(20.0)  # 1.75 s: three of five
 
 
+def test_a_reading_does_not_hold_for_ever() -> None:
+    signals = level(resting(30.0, pressure=pressures(altitude_pressure_hpa(np.full(8, 10.0)), every_s=0.5)))
+    known = np.isfinite(signals.altitude_m)
+    assert known[signals.t_s < 13.49].all()  # ten seconds after the last sample
+    assert not known[signals.t_s > 13.51].any()
+
+
+@pytest.mark.parametrize(("every_s", "frozen_s"), [(0.1, 8.0), (0.5, 20.0)])
+def test_a_barometer_that_repeats_itself_to_the_last_digit_has_stopped(every_s: float, frozen_s: float) -> None:
+    """After 8 s and 40 samples; before and after that it measures."""
+    altitude_m = np.arange(round(80.0 / every_s)) * 1e-3
+    begin, end = round(20.0 / every_s), round(60.0 / every_s)
+    altitude_m[begin:end] = altitude_m[begin]
+    log = resting(80.0, pressure=pressures(altitude_pressure_hpa(altitude_m), every_s=every_s))
+    leveller = Leveller(DeviceConfig(), AttitudeConfig())
+    parts = [leveller.feed(log.between(t_s, t_s + 0.7)) for t_s in np.arange(0.0, 81.0, 0.7)]
+    signals = LevelledSignals.concatenate([*parts, leveller.finish()])
+    silent = signals.t_s[np.isnan(signals.altitude_m)]
+    assert silent[0] == pytest.approx(20.0 + frozen_s, abs=1.5 * every_s)
+    assert silent[-1] == pytest.approx(60.0, abs=1.5 * every_s)
+    assert len(silent) == pytest.approx(100.0 * (40.0 - frozen_s), abs=200.0 * every_s)
+    whole = level(log)
+    assert np.array_equal(whole.altitude_m, signals.altitude_m, equal_nan=True)
+
+
 def shaken(duration_s: float, acc_m_s2: float = 0.0, gyro_rad_s: tuple[float, float, float] = (0, 0, 0)) -> SensorLog:
     """A device whose |acc| and angular rate swing with these amplitudes, three times in the window of 1.5 s."""
     t_s = np.arange(round(duration_s * 100) + 1) / 100.0

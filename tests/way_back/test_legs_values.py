@@ -122,10 +122,33 @@ def test_up_and_down_are_two_climbs() -> None:
     assert [climb.rise_m for climb in directions_of(straight(hollow)).legs[0].climbs] == pytest.approx([-2.0, 2.0])
 
 
-def test_a_climb_within_a_step_is_told_whole() -> None:
+def test_a_climb_within_a_step_is_a_ride() -> None:
+    """No leg lifts its walker by three metres in a step; slopes before and after it are told by themselves."""
     (climb,) = directions_of(straight(np.where(np.arange(41) > 20, 3.0, 0.0))).legs[0].climbs
     assert (climb.after_m, climb.before_m) == pytest.approx((10.0, 9.5))
-    assert climb.rise_m == 3.0
+    assert (climb.rise_m, climb.ride) == (3.0, True)
+    stairs = np.interp(np.arange(41), (0, 10, 20, 40), (0.0, -2.0, -2.0, -2.0))
+    down, up = directions_of(straight(stairs + np.where(np.arange(41) > 30, 12.0, 0.0))).legs[0].climbs
+    assert (down.rise_m, down.ride) == (pytest.approx(-2.0), False)
+    assert (up.after_m, up.rise_m, up.ride) == (15.0, 12.0, True)
+
+
+def test_a_ride_seen_as_several_steps_is_one() -> None:
+    z_m = np.interp(np.arange(41), (0, 20, 24, 40), (0.0, 0.0, 4.0, 4.0))
+    (climb,) = directions_of(straight(z_m)).legs[0].climbs
+    assert (climb.after_m, climb.before_m, climb.rise_m, climb.ride) == (10.0, 8.0, 4.0, True)
+    (stairs,) = directions_of(straight(np.interp(np.arange(41), (0, 20, 32, 40), (0.0, 0.0, 4.0, 4.0)))).legs[0].climbs
+    assert not stairs.ride
+
+
+def test_a_climb_is_told_if_it_is_beyond_what_its_sigma_allows() -> None:
+    z_m = np.interp(np.arange(41), (0, 20, 40), (0.0, 0.0, 2.0))
+    for sigma_m, told in ((0.9, 1), (1.1, 0)):
+        way = replace(straight(z_m), sigma_z_m=np.hypot(1.5, np.linspace(0.0, sigma_m, 41)))
+        (leg,) = directions_of(way).legs
+        assert leg.sigma_rise_m == pytest.approx(sigma_m)
+        assert len(leg.climbs) == told
+    assert directions_of(straight(z_m)).legs[0].sigma_rise_m is None
 
 
 def covered(way: Trajectory, first: tuple[float, float], last: tuple[float, float], yaw_sigma: float) -> Trajectory:

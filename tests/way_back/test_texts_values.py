@@ -143,6 +143,29 @@ def test_climbs_in_words() -> None:
     assert climbing(9.0, 0.76) == "Walk 20 m (40 steps), 3 m up between 9.0 m and 19 m."
 
 
+@pytest.mark.parametrize(
+    ("after_m", "before_m", "where"),
+    [
+        (0.7, 19.0, "first"),
+        (0.0, 0.5, "first"),  # of a leg that is hardly more than the lift
+        (10.0, 9.5, "after 10 m (20 steps)"),
+        (19.0, 0.7, "at its end"),
+    ],
+)
+def test_a_lift_is_taken_where_it_is(after_m: float, before_m: float, where: str) -> None:
+    for rise_m, way in ((12.2, "12 m up"), (-3.0, "3 m down")):
+        leg = replace(EAST, landmarks=(), climbs=(Climb(after_m, before_m, rise_m, ride=True),))
+        said = instruction(leg, None, 0.5, back=False, compass=False)
+        assert said == f"Walk 20 m (40 steps), {where} take the lift (or escalator) {way}."
+
+
+def test_a_rise_that_may_be_none_is_not_told() -> None:
+    points = tuple((0.5 * i, 0.0, 0.05 * i) for i in range(41))
+    leg = replace(EAST, landmarks=(), climbs=(), points_m=points)
+    assert "2 m up" in instruction(replace(leg, sigma_rise_m=0.9), None, 0.5, back=False, compass=False)
+    assert "up" not in instruction(replace(leg, sigma_rise_m=1.1), None, 0.5, back=False, compass=False)
+
+
 def test_a_slope_of_a_metre_all_along_is_told_too() -> None:
     for rise_m, text in ((0.99, ""), (1.01, ", 1 m up"), (-1.01, ", 1 m down")):
         leg = Leg(((0.0, 0.0, 0.0), (20.0, 0.0, rise_m)), (1.0, 0.0), 20.0)
@@ -211,7 +234,7 @@ def test_json_holds_every_value() -> None:
         "length_m": 20.0,
         "steps": 40,
         "rise_m": 3.0,
-        "climbs": [{"after_m": 10.0, "before_m": 2.0, "rise_m": 3.0}],
+        "climbs": [{"after_m": 10.0, "before_m": 2.0, "rise_m": 3.0, "lift": False}],
         "remaining_m": 8.0,
         "sigma_along_m": 1.24,
         "sigma_across_m": 0.556,
