@@ -117,7 +117,7 @@ class ClimbGauge:
         return Air(slope, self._scatter(peak.index, gusty), gusty, carried_m, blown_m)
 
     def _scatter(self, index: int, gusty: bool) -> float:
-        """Standard deviation of altitude about a line through the last seconds; through the memory in gusts."""
+        """Standard deviation of altitude about a line through the last seconds; in gusts, through the memory."""
         recent = self._before(index, MEMORY_S if gusty else _LINE_S)
         return _line(recent, self._every_s)[1] if len(recent) >= self._samples(1.0) else math.nan
 

@@ -24,7 +24,6 @@ def levelled(count: int, first: int = 0, rate_hz: float = 100.0, **given: Any) -
     columns |= {"acc_norm_m_s2": G, "still": False, "up_m_s2": G} | given
     up = np.broadcast_to(columns.pop("up_m_s2"), count)
     columns = {name: np.array(np.broadcast_to(value, count)) for name, value in columns.items()}
-    columns["field_jump_ut"] = np.zeros((count, 2))
     acc_n = np.column_stack((np.zeros(count), np.zeros(count), up))
     jumps = np.zeros((count, 2))
     return LevelledSignals(index=index, t_s=index / rate_hz, acc_n_m_s2=acc_n, field_jump_ut=jumps, **columns)
