@@ -52,7 +52,7 @@ def test_a_reading_does_not_hold_for_ever() -> None:
 @pytest.mark.parametrize(("every_s", "frozen_s"), [(0.1, 8.0), (0.5, 20.0)])
 def test_a_barometer_that_repeats_itself_to_the_last_digit_has_stopped(every_s: float, frozen_s: float) -> None:
     """After 8 s and 40 samples; before and after that it measures."""
-    altitude_m = np.arange(round(80.0 / every_s)) * 1e-3
+    altitude_m: FloatArray = np.arange(round(80.0 / every_s), dtype=np.float64) * 1e-3
     begin, end = round(20.0 / every_s), round(60.0 / every_s)
     altitude_m[begin:end] = altitude_m[begin]
     log = resting(80.0, pressure=pressures(altitude_pressure_hpa(altitude_m), every_s=every_s))

@@ -46,7 +46,7 @@ def slopes(air: dict[float, Air], since_s: float = 0.0, until_s: float = 1e9) ->
 
 def stairs(t_s: FloatArray) -> FloatArray:
     """Three metres up from 20 s on, at 0.4 m/s."""
-    return np.interp(t_s, (20.0, 27.5), (0.0, 3.0))
+    return np.asarray(np.interp(t_s, (20.0, 27.5), (0.0, 3.0)))
 
 
 def test_a_flight_of_stairs_is_a_slope_and_level_ground_is_none() -> None:
@@ -59,10 +59,10 @@ def test_a_flight_of_stairs_is_a_slope_and_level_ground_is_none() -> None:
 
 
 def test_flights_with_landings_and_a_turn_at_the_top_keep_their_slope() -> None:
-    flights = walked(lambda t: np.interp(t, (10, 17, 20, 27, 30, 37), (0, 2.8, 2.8, 5.6, 5.6, 8.4)))
+    flights = walked(lambda t: np.asarray(np.interp(t, (10, 17, 20, 27, 30, 37), (0, 2.8, 2.8, 5.6, 5.6, 8.4))))
     for top_s in (17.0, 27.0, 37.0):
         assert min(slopes(flights, top_s - 2.0, top_s)) > 0.2
-    there_and_back = walked(lambda t: np.interp(t, (20, 28, 30, 38), (0.0, 3.2, 3.2, 0.0)))
+    there_and_back = walked(lambda t: np.asarray(np.interp(t, (20, 28, 30, 38), (0.0, 3.2, 3.2, 0.0))))
     assert min(slopes(there_and_back, 35.0, 38.0)) > 0.2
 
 
