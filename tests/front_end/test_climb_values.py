@@ -69,7 +69,7 @@ def test_flights_with_landings_and_a_turn_at_the_top_keep_their_slope() -> None:
 @pytest.mark.parametrize("height_m", [0.9, 3.0, 8.4, -8.4, 80.0])
 @pytest.mark.parametrize("lasts_s", [0.5, 1.5, 5.0, 1000.0])
 def test_a_leap_of_pressure_is_no_slope(height_m: float, lasts_s: float) -> None:
-    air = walked(lambda t: height_m * ((t > 20.0) & (t < 20.0 + lasts_s)))
+    air = walked(lambda t: np.asarray(height_m * ((t > 20.0) & (t < 20.0 + lasts_s)), dtype=np.float64))
     assert sum(slope > 0.0 for slope in slopes(air)) <= (2 if abs(height_m) < 1.35 else 0)
     blown = [one.blown_m for one in air.values() if one.blown_m]
     expected = height_m if lasts_s > 900.0 else 0.0
@@ -90,7 +90,7 @@ def test_gusts_are_known_after_their_second_turn(period_s: float) -> None:
 
 def test_still_air_is_not_gusty_and_its_sigma_is_its_noise() -> None:
     noise = np.random.default_rng(3).normal(0.0, 0.2, 10_000)
-    air = walked(lambda t: noise[: len(t)])
+    air = walked(lambda t: np.asarray(noise[: len(t)], dtype=np.float64))
     assert not any(one.gusty for one in air.values())
     assert np.mean([one.sigma_m for one in air.values()]) == pytest.approx(0.2, rel=0.1)
     assert set(slopes(air)) == {0.0}
