@@ -132,9 +132,9 @@ class StepsConfig(Section):
 class CarryingConfig(Section):
     """How the device may be carried otherwise than ``device.mount`` says, and how likely that is beforehand."""
 
-    turned_in_hand: Share = 0.005
+    turned_in_hand: Share = 0.007
     """Of fast turns, those that are the device's and not the wearer's."""
-    turned_in_corner: Share = 0.001
+    turned_in_corner: Share = 0.0015
     """Those that are partly one and partly the other."""
     turned_unseen: Share = 5e-4
     """Of steps, those on which both cancel."""

@@ -33,8 +33,8 @@ _PEAK_STEPS = 4  # after which nothing likelier comes
 _CORRELATED = 2.0  # strides overlap by a step
 _DRIFT, _RESTLESS = 0.15, 1.0  # from stretch to stretch gait changes by this share of its push, and of its scatter
 _NOISE_M_S2 = 0.05  # no push is known better
-_LEAK = 0.03  # m/s² into the horizontal for each m/s² of bounce, where the device leans otherwise than it seems
-_LAG_ERROR_RAD = 0.3  # walking direction by the push, whole walks: sigma on real ones
+_LEAK = 0.02  # m/s² into the horizontal for each m/s² of bounce, where the device leans otherwise than it seems
+_LAG_ERROR_RAD = 0.25  # walking direction by the push, whole walks: sigma on real ones
 _SURE = 4.0  # log-odds at which nothing more is waited for
 _DOUBT = -2.2  # and at which something is not counted
 _SIGMA_TURN_RAD = 0.12  # who turns the device in the hand walks on straight within this
@@ -158,13 +158,14 @@ class Carrying:
         (i, j), self._judging = self._judging[which], []
         if belief.sigma_rad == 0.0:
             return unchanged
+        self._unseen = None
         self._apply(belief, i, j, jumps[which])
         return i + 1
 
     def _look_for_unseen(self, k: int) -> int:
         """A turn of the device that a corner hides, the other way by as much: the push alone shows it."""
         b = k - _UNSEEN_STEPS - _AFTER
-        if self._judging or self._open is not None or b - _FEWEST < self._since:
+        if b - _FEWEST < self._since:
             return len(self._raw)
         before = self._known(range(max(b - _BEFORE + 1, self._since), b + 1))
         after = self._known(range(b + _UNSEEN_STEPS + 1, k + 1))
@@ -172,7 +173,7 @@ class Carrying:
             belief = turn_belief(before, after, [], self._config)
             if belief.odds > (_DOUBT if self._unseen is None else self._unseen[0].odds):
                 self._unseen = belief, b
-        if self._unseen is not None and b - self._unseen[1] >= _PEAK_STEPS:
+        if self._unseen is not None and b - self._unseen[1] >= _PEAK_STEPS and not self._judging:
             return self._take_unseen()
         return len(self._raw)
 

@@ -198,7 +198,7 @@ def test_odd_strides_are_left_out() -> None:
 def test_the_odds_of_the_start_by_hand() -> None:
     walk = steps(np.zeros(12), np.zeros(12))
     belief = start_belief(np.full(12, -1.0 + 0.0j), walk, CONFIG)
-    variance = 0.3**2 + (0.03 * 5.0) ** 2 + 0.05**2
+    variance = 0.25**2 + (0.02 * 5.0) ** 2 + 0.05**2
 
     def fit(off: float, about: float) -> float:
         sharp = 1.0 / (variance + about**2)
