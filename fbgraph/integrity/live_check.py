@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -18,13 +19,16 @@ from fbgraph.integrity.evidence import Doubt, SensedCheck
 from fbgraph.integrity.sensor_checks import frozen_sensors, silent_sensors
 
 _WINDOW_S = 60.0
-_PIECE_S = 1.0  # pieces shorter than this are joined as they come, so that a window is not made of hundreds
+_JOINED = 10
 _FEW_STEPS = 20  # before that nothing is said
 _IDLE_S = 10.0  # who takes no step for so long is looked at all the same: a sensor may have fallen silent
 _HEAVIER = 1.5  # news of the same kind are told when they weigh so much more
 
 IDLE_CHECKS: tuple[SensedCheck, ...] = (frozen_sensors, silent_sensors)
 """Those that need no step."""
+
+
+Piece = TypeVar("Piece")
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,9 @@ class LiveCheck:
         """
         self._config = config
         self._checks = checks
-        self._pieces: deque[SensorLog] = deque()
-        self._signals: deque[LevelledSignals] = deque()
+        self._pieces = _Pieces(SensorLog.concatenate)
+        self._signals = _Pieces(LevelledSignals.concatenate)
+        self._levelled = -1
         self._steps: deque[Step] = deque()
         self._count = 0
         self._window: _Recent | None = None
@@ -64,19 +69,19 @@ class LiveCheck:
 
     def feed(self, piece: SensorLog) -> None:
         """Take the next samples, before their signals and steps."""
-        if self._pieces and _span_s(self._pieces[-1]) < _PIECE_S:
-            self._pieces[-1] = SensorLog.concatenate([self._pieces[-1], piece])
-        else:
-            self._pieces.append(piece)
-        ends_s = [stream.t_s[-1] for stream in (piece.acc, piece.gyro) if len(stream)]
-        if ends_s and self._steps and max(ends_s) - self._asked_s >= 2.0 * _IDLE_S:
-            self._asked_s = _IDLE_S * np.floor(max(ends_s) / _IDLE_S)
+        if not (len(piece.acc) or len(piece.gyro)):
+            return
+        end_s = max(float(stream.t_s[-1]) for stream in (piece.acc, piece.gyro) if len(stream))
+        self._pieces.append(piece, end_s)
+        if self._steps and end_s - self._asked_s >= 2.0 * _IDLE_S:
+            self._asked_s = _IDLE_S * np.floor(end_s / _IDLE_S)
             self._ask(IDLE_CHECKS, self._cut(self._asked_s))
 
     def level(self, signals: LevelledSignals) -> None:
         """Take the next signals; those that were taken already are known by themselves."""
-        if len(signals) and not (self._signals and self._signals[-1].index[-1] >= signals.index[-1]):
-            self._signals.append(signals)
+        if len(signals) and signals.index[-1] > self._levelled:
+            self._levelled = int(signals.index[-1])
+            self._signals.append(signals, float(signals.t_s[-1]))
 
     def advance(self, step: Step) -> str | None:
         """Take the next step; returns why the position is doubtful, None while nothing is known against it."""
@@ -115,21 +120,35 @@ class LiveCheck:
     def _cut(self, until_s: float) -> _Recent | None:
         """The minute before a time; what lies before it is forgotten."""
         since_s = until_s - _WINDOW_S
-        while len(self._pieces) > 1 and len(acc := self._pieces[0].acc) and acc.t_s[-1] < since_s:
-            self._pieces.popleft()
-        while len(self._signals) > 1 and self._signals[0].t_s[-1] < since_s:
-            self._signals.popleft()
         while len(self._steps) > _FEW_STEPS and self._steps[0].t_s < since_s:
             self._steps.popleft()
-        if not self._signals or not self._pieces:
+        pieces, levelled = self._pieces.since(since_s), self._signals.since(since_s)
+        if pieces is None or levelled is None:
             return None
-        log = SensorLog.concatenate(list(self._pieces)).between(since_s, until_s)
+        log = pieces.between(since_s, until_s)
         if not len(log.acc) or not len(log.gyro):
             return None
-        signals = LevelledSignals.concatenate(list(self._signals)).between(since_s, until_s)
-        return _Recent(log, self._config, signals, StepTrack(list(self._steps)))
+        return _Recent(log, self._config, levelled.between(since_s, until_s), StepTrack(list(self._steps)))
 
 
-def _span_s(piece: SensorLog) -> float:
-    """How long a piece is."""
-    return float(piece.acc.t_s[-1] - piece.acc.t_s[0]) if len(piece.acc) > 1 else 0.0
+class _Pieces(Generic[Piece]):
+    """The latest pieces of something, joined by tens as they come, so that few are left to join when asked for."""
+
+    def __init__(self, join: Callable[[list[Piece]], Piece]) -> None:
+        self._join = join
+        self._whole: deque[tuple[float, Piece]] = deque()
+        self._new: list[Piece] = []
+
+    def append(self, piece: Piece, end_s: float) -> None:
+        """Take the next one, which ends then."""
+        self._new.append(piece)
+        if len(self._new) == _JOINED:
+            self._whole.append((end_s, self._join(self._new)))
+            self._new = []
+
+    def since(self, start_s: float) -> Piece | None:
+        """All that ends later as one; what ends before is forgotten. None if there is nothing."""
+        while self._whole and self._whole[0][0] < start_s:
+            self._whole.popleft()
+        pieces = [*(piece for _, piece in self._whole), *self._new]
+        return self._join(pieces) if pieces else None

@@ -14,7 +14,6 @@ from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Stream
 from fbgraph.core.units import STANDARD_GRAVITY_M_S2
 from fbgraph.core.verdict import Reason
-from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.integrity.compass_checks import compass_against_gyroscope
 from fbgraph.integrity.evidence import UNKNOWN_TURN_RAD, Doubt, Sensed, stepping, stretched_m, turned_m
 
@@ -32,6 +31,7 @@ _LEVEL_RMS_M_S2 = 1.0  # undisturbed: 0.7
 _LEVEL_BLOCK_M_S2 = 1.6  # of one block; undisturbed: 1.42
 _LEVEL_LOST_M_S2 = 2.0  # level is lost by twelve degrees, which a sound compass may make up for
 _LEVEL_GONE_M_S2 = 4.0  # by 24 nothing can: headings of both are taken about another axis
+_LEVEL_WALKED = 0.8  # of a block
 _SETTLED_S = 5.0  # levelling itself takes its time constant
 _NOISE = {"acc": 2.5, "gyro": 0.5}  # of a sample, SI; undisturbed: 0.46 and 0.075
 _NOISE_RATE_HZ = 25.0  # slower, and a step itself changes as much from sample to sample
@@ -92,8 +92,8 @@ def cut_off_values(walk: Sensed) -> list[Doubt]:
         advice = "its range is set too small, or samples are corrupted: set a wider range"
         if name == "gyro":  # what was cut off a turn is missing from it
             sigma_m = turned_m(walk.track, min(1.0, 10.0 * share))
-        else:  # a step's length goes with the fourth root of its bounce
-            sigma_m = stretched_m(walk.track, min(0.3, share))
+        else:  # a step is missed, or its bounce is
+            sigma_m = stretched_m(walk.track, min(0.3, 20.0 * share))
         found.append(Doubt(Reason(NAMES[name], share / _RAIL_SHARE, text, advice), sigma_m))
     return found
 
@@ -123,7 +123,7 @@ def sparse_samples(walk: Sensed) -> list[Doubt]:
             continue
         text = f"{100.0 * share:.0f} % of the time the {NAMES[name]} has fewer than {1.0 / low_s:.0f} samples a second"
         advice = "steps and turns are missed: record at 20 Hz or more, and look for what loses samples"
-        sigma_m = stretched_m(walk.track, 0.5 * share) + turned_m(walk.track, 0.3 * share)
+        sigma_m = stretched_m(walk.track, min(share, 0.5)) + turned_m(walk.track, 0.3 * share)
         found.append(Doubt(Reason(NAMES[name], share / _SPARSE_SHARE, text, advice), sigma_m))
     return found
 
@@ -146,7 +146,7 @@ def clock_set(walk: Sensed) -> list[Doubt]:
 
 def gravitys_size(walk: Sensed) -> list[Doubt]:
     """The vertical acceleration over whole strides is gravity, whoever walks."""
-    blocks = level_blocks(walk.signals, walk.track.t_s[0])
+    blocks = level_blocks(walk)
     if len(blocks.t_s) < 3:
         return []
     gravity = float(np.median(blocks.acc_m_s2[:, 2]))
@@ -166,7 +166,7 @@ def gravity_against_gyroscope(walk: Sensed) -> list[Doubt]:
     Over a few steps pushes cancel; an axis swapped or mirrored, a gyroscope that hangs, spikes or drifts tilts the
     levelled frame, and gravity leaks into the horizontal.
     """
-    blocks = level_blocks(walk.signals, walk.track.t_s[0])
+    blocks = level_blocks(walk)
     if len(blocks.t_s) < 5:
         return []
     off_m_s2 = np.hypot(blocks.acc_m_s2[:, 0], blocks.acc_m_s2[:, 1])
@@ -181,7 +181,9 @@ def gravity_against_gyroscope(walk: Sensed) -> list[Doubt]:
         f"from {start_s:.0f} to {end_s:.0f} s"
     )
     advice = "an axis of one of them is swapped or mirrored, or it drifts, hangs or is full of noise: check both"
-    sigma_m = turned_m(walk.track, 3.0 * np.radians(tilt_deg), start_s)
+    # what is wrong all along was wrong where nobody turned, too
+    since_s = start_s if rms <= _LEVEL_RMS_M_S2 else -np.inf
+    sigma_m = turned_m(walk.track, 3.0 * np.radians(tilt_deg), since_s)
     reason = Reason(
         "gyroscope", max(rms / _LEVEL_RMS_M_S2, off_m_s2.max() / _LEVEL_BLOCK_M_S2), text, advice, start_s, end_s
     )
@@ -213,18 +215,22 @@ class LevelBlocks:
     acc_m_s2: FloatArray
 
 
-def level_blocks(signals: LevelledSignals, since_s: float) -> LevelBlocks:
-    """Mean acceleration in blocks of whole strides, from ``since_s`` on; blocks with holes are left out."""
-    t_s = signals.t_s
+def level_blocks(walk: Sensed) -> LevelBlocks:
+    """Mean acceleration in blocks of whole strides; blocks that were not walked, or have holes, are left out.
+
+    Where somebody shakes or throws the device, pushes do not cancel.
+    """
+    signals, t_s = walk.signals, walk.signals.t_s
     if len(t_s) < 2:
         return LevelBlocks(np.empty(0), np.empty((0, 3)))
     block = np.floor(t_s / _LEVEL_BLOCK_S).astype(np.int64)
     first = np.flatnonzero(np.diff(block, prepend=block[0] - 1))
     count = np.diff(np.append(first, len(t_s)))
     acc = np.add.reduceat(signals.acc_n_m_s2, first) / count[:, None]
+    walked = np.add.reduceat(stepping(walk).astype(float), first) / count
     middle_s = (block[first] + 0.5) * _LEVEL_BLOCK_S
-    whole = count > 0.8 * np.median(count)
-    keep = whole & (middle_s - _LEVEL_BLOCK_S / 2 > max(since_s, t_s[0] + _SETTLED_S))
+    keep = (count > 0.8 * np.median(count)) & (walked > _LEVEL_WALKED)
+    keep &= middle_s - _LEVEL_BLOCK_S / 2 > t_s[0] + _SETTLED_S
     return LevelBlocks(middle_s[keep], acc[keep])
 
 

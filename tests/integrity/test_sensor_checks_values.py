@@ -178,8 +178,9 @@ def test_gravity_that_leaks_into_the_horizontal() -> None:
 
 
 def test_level_blocks_are_means_of_two_seconds_after_levelling_has_settled() -> None:
-    blocks = level_blocks(levelled(1.0), since_s=10.0)
-    assert blocks.t_s.tolist() == [*np.arange(13.0, 60.0, 2.0)]
+    """And of those only what was walked: from 1 to 26 s, so that 24 to 26 s is the last one."""
+    blocks = level_blocks(walk(signals=levelled(1.0)))
+    assert blocks.t_s.tolist() == [*np.arange(7.0, 26.0, 2.0)]
     assert blocks.acc_m_s2[0].tolist() == pytest.approx([1.0, 0.0, 9.80665])
 
 
