@@ -6,6 +6,11 @@ chunk-invariant: cut the log anywhere, the steps stay the same.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
 from fbgraph.core.config import Config
 from fbgraph.core.errors import DataError
 from fbgraph.core.sensor_log import SensorLog
@@ -18,6 +23,7 @@ from fbgraph.front_end.step_track import Step, StepTrack
 
 _SLOWEST_HZ = 5.0  # of samples that show steps at 2 Hz
 _SHAKEN_M_S2 = 0.5  # who walks moves a device by about so much
+_PIECE_SAMPLES = 100_000  # levelling takes a kilobyte a sample meanwhile
 
 
 class FrontEnd:
@@ -49,13 +55,21 @@ def detect_steps(log: SensorLog, config: Config) -> tuple[StepTrack, LevelledSig
         DataError: no steps in it.
     """
     front_end = FrontEnd(config)
-    steps, signals = front_end.feed(log)
-    last_steps, last_signals = front_end.finish()
-    steps += last_steps
-    signals = LevelledSignals.concatenate([signals, last_signals])
+    steps: list[Step] = []
+    levelled: list[LevelledSignals] = []
+    for found, signals in (*map(front_end.feed, _pieces(log)), front_end.finish()):
+        steps += found
+        levelled.append(signals)
+    signals = LevelledSignals.concatenate(levelled)
     if not steps:
         raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log, signals)}")
     return StepTrack(carried(steps, config.carrying)), signals
+
+
+def _pieces(log: SensorLog) -> Iterator[SensorLog]:
+    """A log in pieces, for a day of walking is levelled in the memory of some minutes of it."""
+    edges = np.concatenate(([-np.inf], log.acc.t_s[_PIECE_SAMPLES::_PIECE_SAMPLES], [np.inf])).tolist()
+    return (log.between(*ends) for ends in itertools.pairwise(edges))
 
 
 def _why_none(log: SensorLog, signals: LevelledSignals) -> str:

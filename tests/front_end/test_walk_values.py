@@ -1,5 +1,6 @@
 """A made-up walk through the whole front end: raw samples of a bouncing, turning device to steps."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import SensorLog, Stream
+from fbgraph.front_end import detect_steps as module
 from fbgraph.front_end.detect_steps import FrontEnd, detect_steps
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import Step, StepTrack
@@ -111,6 +113,20 @@ def test_any_chunks_give_the_same_bits(whole: Whole, every_s: float) -> None:
     track, signals = fed(walk(), np.arange(0.0, 50.0, every_s))
     assert repr(track.steps) == repr(whole[0].steps)
     assert same_signals(signals, whole[1])
+
+
+def test_a_long_log_is_levelled_in_pieces(whole: Whole, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A day's samples take half a kilobyte each at their worst, the result included, where one piece takes 1.2."""
+    monkeypatch.setattr(module, "_PIECE_SAMPLES", 1000)
+    assert repr(detect_steps(walk(), CONFIG)[0].steps) == repr(whole[0].steps)
+    monkeypatch.setattr(module, "_PIECE_SAMPLES", 10_000)
+    log = SensorLog.concatenate([shifted(walk(), 45.01 * lap) for lap in range(20)])
+    tracemalloc.start()
+    _, signals = detect_steps(log, CONFIG)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(signals) > 89_000
+    assert most < 500 * len(signals)
 
 
 def test_a_later_start_changes_only_times(whole: Whole) -> None:
