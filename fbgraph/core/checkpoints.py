@@ -22,6 +22,7 @@ from fbgraph.core.georeference import Georeference, along_ground_m
 
 _SLACK_S = 5.0
 FASTEST_M_S, SLACK_M = 12.5, 1000.0  # nobody runs faster, and no survey is further off
+_MOST_COORDINATE = 1e9
 _MOST_ANCHORS = 20_000
 _MOST_PLACES = 2_000_000  # 48 h at 10 Hz are fewer
 IPIN_SIGMA_M = 0.5
@@ -180,12 +181,18 @@ def _impossible(
         return ""
     k = int(far[0])
     seconds = float(t_s[k + 1] - t_s[k])
-    first, second = (f"{', '.join(f'{number:.{digits}f}' for number in places[i].tolist())}{unit}" for i in (k, k + 1))
-    speed = f", which is {apart_m[k] / seconds:.3g} m/s" if seconds > 0.0 else ""
+    first, second = (f"{', '.join(_shown(number, digits) for number in places[i].tolist())}{unit}" for i in (k, k + 1))
+    far_m = float(apart_m[k])  # one of numpy's would warn where it is divided beyond any number
+    speed = f", which is {far_m / seconds:.3g} m/s" if seconds > 0.0 else ""
     return (
-        f"from row {order[k] + 1} ({first}) to row {order[k + 1] + 1} ({second}) it is {apart_m[k] / 1e3:.4g} km "
+        f"from row {order[k] + 1} ({first}) to row {order[k + 1] + 1} ({second}) it is {far_m / 1e3:.4g} km "
         f"in {seconds:.4g} s{speed}: nobody can; check both rows' places and times"
     )
+
+
+def _shown(number: float, digits: int) -> str:
+    """A coordinate; one with hundreds of digits is none."""
+    return f"{number:.{digits}f}" if abs(number) < _MOST_COORDINATE else f"{number:.4g}"
 
 
 def read_checkpoints(path: str | Path) -> Checkpoints:

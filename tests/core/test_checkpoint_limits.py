@@ -1,5 +1,6 @@
 """Places that nobody can have been at: told with rows, places and speed; anchors are refused, truth scores nobody."""
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,7 +57,18 @@ def test_rows_are_those_of_the_file_whatever_its_order() -> None:
 
 @pytest.mark.parametrize("x_m", [np.inf, 1e300, -1e308])
 def test_places_beyond_any_number_are_doubted_too(x_m: float) -> None:
-    assert doubt_of([0, 10, 20], [0, x_m, -x_m]) != ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        said = doubt_of([0, 1e-9, 20], [0, x_m, -x_m])
+    assert "nobody can; check both rows' places and times" in said
+    assert len(said) < 200
+
+
+def test_a_distance_beyond_any_number_is_told_in_short() -> None:
+    assert doubt_of([0, 1e-5], [0, 1e308]) == (
+        "from row 1 (0.00, 0.00 m) to row 2 (1e+308, 0.00 m) it is 1e+305 km in 1e-05 s, which is inf m/s: "
+        "nobody can; check both rows' places and times"
+    )
 
 
 def test_a_wrong_digit_in_a_latitude_names_row_place_and_speed(tmp_path: Path) -> None:
@@ -131,7 +143,8 @@ def test_an_origin_far_from_the_anchors_is_told_and_a_near_one_is_not() -> None:
     assert len(said) == 2
     result = reconstruct(WALK, load_config("m5stickc"), Told(anchors=here, origin=Georeference(6.0, 11.0)))
     assert said[0] in summarize(result)["warnings"]
-    moved = replace(here, georeference=here.georeference.moved(-30_000.0, 0.0), x_m=here.x_m + 30_000.0)  # type: ignore[union-attr]
+    assert here.georeference is not None
+    moved = replace(here, georeference=here.georeference.moved(-30_000.0, 0.0), x_m=here.x_m + 30_000.0)
     assert Told(anchors=moved, origin=Georeference(49.0, 11.0)).disagreements(60.0) == []  # a frame begins anywhere
 
 
