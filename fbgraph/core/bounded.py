@@ -8,6 +8,7 @@ import stat
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from io import UnsupportedOperation
 from pathlib import Path
 from typing import Protocol
 
@@ -140,7 +141,7 @@ def unpacked(stream: Readable, name: object, allowed: Allowance, expected: int =
     """
     source = _Counted(stream)
     packed = source.begins(b"\x1f\x8b")
-    reader: Readable = gzip.GzipFile(mode="rb", fileobj=source) if packed else source  # type: ignore[call-overload]  # it only reads
+    reader: Readable = gzip.GzipFile(mode="rb", fileobj=source) if packed else source
     size = 0
     if not packed:
         allowed.refuse(name, expected, None)
@@ -173,6 +174,14 @@ class _Counted:
         self._head = b""
         self.taken += len(data)
         return data
+
+    def seek(self, offset: int, /) -> int:
+        """What gzip asks for and never calls while it only reads on.
+
+        Raises:
+            UnsupportedOperation: always; a pipe is read once.
+        """
+        raise UnsupportedOperation(f"seek to {offset}")
 
 
 def small_file(path: Path, most_bytes: int, kind: str) -> bytes:

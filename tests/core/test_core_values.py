@@ -82,9 +82,12 @@ def stream(*times: float, width: int = 3) -> Stream:
     return Stream(np.array(times), np.arange(float(width * len(times))).reshape(-1, width))
 
 
-def log(**given: Stream | tuple[Event, ...]) -> SensorLog:
+NO_COMPASS, NO_BAROMETER = empty_stream(3), empty_stream(1)
+
+
+def log(mag: Stream = NO_COMPASS, pressure: Stream = NO_BAROMETER, events: tuple[Event, ...] = ()) -> SensorLog:
     acc, gyro = stream(0.0, 0.1, 0.2, 0.5), stream(0.05, 0.15, 0.6)
-    return SensorLog("walk", "made", 7.0, acc=acc, gyro=gyro, **given)  # type: ignore[arg-type]
+    return SensorLog("walk", "made", 7.0, acc, gyro, mag, pressure, events)
 
 
 def test_a_streams_rate_is_the_median() -> None:

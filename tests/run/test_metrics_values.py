@@ -1,6 +1,7 @@
 """Errors against known places, computed by hand."""
 
 import math
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -34,13 +35,8 @@ def test_errors_as_it_is() -> None:
 
 
 def test_they_are_summed_up() -> None:
-    assert score(WAY, PLACES) == Score(
-        rmse_m=pytest.approx(math.sqrt(12.5)),  # type: ignore[arg-type]
-        mean_m=pytest.approx(3.5),  # type: ignore[arg-type]
-        max_m=pytest.approx(4.0),  # type: ignore[arg-type]
-        final_m=pytest.approx(4.0),  # type: ignore[arg-type]
-        checkpoints=2,
-    )
+    expected = Score(rmse_m=math.sqrt(12.5), mean_m=3.5, max_m=4.0, final_m=4.0, checkpoints=2)
+    assert asdict(score(WAY, PLACES)) == pytest.approx(asdict(expected))
     other = score(WAY, truth((0, 0, 0), (10, 10, 4), (20, 10, 9)))
     assert (other.max_m, other.final_m, other.mean_m) == pytest.approx((4.0, 1.0, 2.5))
     assert other.as_dict().keys() == {"rmse_m", "mean_m", "max_m", "final_m", "checkpoints"}

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ def walked(
         guide.note(
             [event for event in events if (early and k == 0) or (not early and step.start_s < event.t_s <= step.t_s)]
         )
-        guide.advance(crumb_of(way, k), step, lambda k=k: way.until(k))  # type: ignore[misc]
+        guide.advance(crumb_of(way, k), step, partial(way.until, k))
     return guide
 
 
@@ -155,7 +156,7 @@ def test_a_closure_comes_with_the_step_that_makes_it() -> None:
     config = Config(step_length=HALF_A_METRE, returning=ReturnConfig(at="32.2"))
     guide = ReturnGuide(config)
     for k, step in enumerate(steps_of(WAY)):
-        update, closures = guide.advance(crumb_of(WAY, k), step, lambda k=k: WAY.until(k))  # type: ignore[misc]
+        update, closures = guide.advance(crumb_of(WAY, k), step, partial(WAY.until, k))
         assert [closure.j for closure in closures] in ([], [k])
         assert (update is None) == (k < 61)
         assert update is None or update is guide.updates[-1]
@@ -167,7 +168,9 @@ def test_a_button_begins_the_way_back_after_the_first_step() -> None:
     assert guide.turn_back is not None
     assert (guide.turn_back.breadcrumb, guide.turn_back.known_s) == (60, 32.5)
     assert walked("event", events=events[:1]).turn_back is None
-    assert walked("20.2", events=[Event(8.2, "mark")]).turn_back.known_s == 20.5  # type: ignore[union-attr]
+    told = walked("20.2", events=[Event(8.2, "mark")])
+    assert told.turn_back is not None
+    assert told.turn_back.known_s == 20.5
 
 
 def test_of_several_presses_the_first_counts() -> None:
