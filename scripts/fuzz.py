@@ -18,6 +18,7 @@ import signal
 import sys
 import tempfile
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from multiprocessing import Pool
@@ -237,6 +238,7 @@ def one_process(given: tuple[int, int, float]) -> tuple[int, Counter[str], list[
     """Cases of one process: how many, how they ended by kind, what was wrong."""
     seed, count, until_s = given
     signal.signal(signal.SIGALRM, late)
+    warnings.simplefilter("error", RuntimeWarning)  # of numpy: a second line on the terminal, and often nonsense
     ended: Counter[str] = Counter()
     wrong: list[str] = []
     done = 0

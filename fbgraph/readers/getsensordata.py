@@ -56,15 +56,17 @@ def read(source: Path | LogText) -> RawLog:
         if not dated.any():
             continue
         app_s, sensor_s, values = table[dated, 0], table[dated, 1], table[dated, 2:]
-        offset_s = app_s - sensor_s
-        tenth = -(-len(offset_s) // 10)
-        drift_s = float(np.median(offset_s[-tenth:]) - np.median(offset_s[:tenth]))
+        with np.errstate(over="ignore", invalid="ignore"):  # garbled times; impossible ones are dropped with the rest
+            offset_s = app_s - sensor_s
+            tenth = -(-len(offset_s) // 10)
+            drift_s = float(np.median(offset_s[-tenth:]) - np.median(offset_s[:tenth]))
+            t_s = sensor_s + np.median(offset_s)
         if name != "pressure" and abs(drift_s) > _MAX_DRIFT_S:
             raw.notices.append(
                 f"{tag}: the sensor clock moves {drift_s * 1e3:.0f} ms against the app clock; "
                 "checkpoint times are that uncertain"
             )
-        raw.streams[name] = RawStream(to_ns(sensor_s + np.median(offset_s), 1_000_000_000), values)
+        raw.streams[name] = RawStream(to_ns(t_s, 1_000_000_000), values)
     if bad:
         raw.counts["lines_unreadable"] = bad
     raw.truth = _truth(places, text.source)

@@ -1,5 +1,6 @@
 """The phones' formats line by line: which field is what, and which lines are none."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,13 @@ def test_a_clock_that_moves_by_twenty_milliseconds_is_told(tmp_path: Path, drift
     raw = getsensor(tmp_path, *(f"GYRO;{row};1;2;3;0" for row in rows), *(f"PRES;{row};976;0" for row in rows))
     text = f"GYRO: the sensor clock moves {drift_ms} ms against the app clock; checkpoint times are that uncertain"
     assert raw.notices == ([text] if told else [])
+
+
+def test_garbled_times_warn_nobody(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        raw = getsensor(tmp_path, *(f"ACCE;{app};-1e308;1;2;3;0" for app in ("1e308", "-1e308", "1e308", "1e308")))
+    assert raw.streams["acc"].t_ns.tolist() == [MAX_T_NS + 1] * 4
 
 
 def test_lines_cut_short_are_counted(tmp_path: Path) -> None:
