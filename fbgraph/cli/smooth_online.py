@@ -158,7 +158,7 @@ def online(
             effective = session.resumed_config(place, return_at) if resume else load_config(config or "m5stickc", set_)
             effective = session.live_declination(effective, told)
             result = session.follow_source(
-                open_source(source, stopping),
+                open_source(source, stopping, complain),
                 place,
                 effective,
                 told,

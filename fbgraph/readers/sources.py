@@ -6,28 +6,36 @@ import os
 import select
 import socket
 import sys
+import time
 from collections.abc import Callable, Iterator
 
 from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.readers.csv_columns import Columns
 
 _POLL_S = 0.2  # how soon a source notices that it should stop
 _CHUNK = 65536
 _BAUD = 115200
-_ROW_COMMAS = 6  # of a line with accelerometer and gyroscope
+_ROW_FIELDS = 6  # of a line with accelerometer and gyroscope
+_LOOKED_AT = 20  # lines of a datagram, in search of one
+_GONE_S = 2.0  # a sender silent for so long may come back from another port of its host
 
 Stop = Callable[[], bool]
+Tell = Callable[[str], None]
+"""Called with a sentence for the user."""
 
 
-def open_source(spec: str, stop: Stop) -> Iterator[bytes]:
+def open_source(spec: str, stop: Stop, tell: Tell = lambda text: None) -> Iterator[bytes]:
     """Pieces of input as they arrive, cut anywhere, until the source ends or ``stop()`` is true.
 
     Nothing, ``b""``, comes several times a second while the source is silent, so that who reads can do other things.
-    A TCP device that disconnects is waited for again; one sender is listened to at a time.
+    A TCP device that disconnects is waited for again. One sender is listened to: of UDP the first that sends a row,
+    for the whole walk; others are left out, and told.
 
     Args:
         spec: ``stdin``, ``serial:PORT[@BAUD]`` (115200 baud if not told), ``udp://[HOST]:PORT`` or ``tcp://[HOST]:PORT``.
             Sockets wait for the device to send or connect, on the loopback address unless a host is named.
         stop: asked several times a second.
+        tell: called when another sender is left out.
 
     Raises:
         ConfigError: not such a specification.
@@ -43,7 +51,7 @@ def open_source(spec: str, stop: Stop) -> Iterator[bytes]:
     kind, slashes, address = spec.partition("://")
     host, _, port = address.rpartition(":")
     if kind in ("udp", "tcp") and slashes and port.isdecimal() and int(port) < 65536:
-        return (_udp if kind == "udp" else _tcp)(host or "127.0.0.1", int(port), stop)
+        return (_udp if kind == "udp" else _tcp)(host or "127.0.0.1", int(port), stop, tell)
     raise ConfigError(f"--source {spec}: expected stdin, serial:PORT[@BAUD], udp://HOST:PORT or tcp://HOST:PORT")
 
 
@@ -81,33 +89,86 @@ def _serial(port: str, baud: int, stop: Stop) -> Iterator[bytes]:
     return lines()
 
 
-def _udp(host: str, port: int, stop: Stop) -> Iterator[bytes]:
+class OneSender:
+    """Which of those who send datagrams is the device: the first who sends a row, for the whole walk.
+
+    Attributes:
+        left_out: datagrams of others.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._address: tuple[str, int] | None = None
+        self._heard_s = 0.0
+        self.left_out = 0
+
+    def is_device(self, address: tuple[str, int], data: bytes, now_s: float) -> bool:
+        """Whether a datagram that came from this address at this time is the device's, as far as one knows."""
+        if address != self._address and _holds_row(data):
+            restarted = self._address is not None and address[0] == self._address[0]
+            if self._address is None or (restarted and now_s - self._heard_s > _GONE_S):
+                self._address = address
+        if self._address not in (None, address):
+            if not self.left_out:
+                self._tell(f"lines that {_place(address)} sends are left out: {_place(self._address)} is recorded")
+            self.left_out += 1
+            return False
+        self._heard_s = now_s
+        return True
+
+    def ended(self) -> None:
+        """Tell what was left out."""
+        if self.left_out:
+            self._tell(f"{self.left_out} datagrams of other senders were left out")
+
+
+def _place(address: tuple[str, int] | None) -> str:
+    return "nobody" if address is None else f"{address[0]}:{address[1]}"
+
+
+def _holds_row(data: bytes) -> bool:
+    """Whether a line of these names an accelerometer, or is numbers enough to be a row; strays may chatter."""
+    for line in data.decode("latin-1").splitlines()[:_LOOKED_AT]:
+        numbers = sum(_is_number(field) for field in line.split(","))
+        if numbers >= _ROW_FIELDS or (line.count(",") >= _ROW_FIELDS - 1 and Columns.from_header(line) is not None):
+            return True
+    return False
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _udp(host: str, port: int, stop: Stop, tell: Tell) -> Iterator[bytes]:
     receiver = _bound(socket.SOCK_DGRAM, host, port)
 
     def datagrams() -> Iterator[bytes]:
-        sender: object = None  # the first who sends something like a row; others are strays
+        sender = OneSender(tell)
         with receiver:
             while not stop():
                 data = b""
                 if select.select([receiver], [], [], _POLL_S)[0]:
                     data, address = receiver.recvfrom(_CHUNK)
-                    if sender is None and data.count(b",") >= _ROW_COMMAS:
-                        sender = address
-                    if sender not in (None, address):
+                    if not sender.is_device(address[:2], data, time.monotonic()):
                         continue
                     data = data if data.endswith((b"\n", b"\r")) else data + b"\n"  # a datagram holds whole lines
                 yield data
+        sender.ended()
 
     return datagrams()
 
 
-def _tcp(host: str, port: int, stop: Stop) -> Iterator[bytes]:
+def _tcp(host: str, port: int, stop: Stop, tell: Tell) -> Iterator[bytes]:
     server = _bound(socket.SOCK_STREAM, host, port)
     server.listen(1)
 
     def received() -> Iterator[bytes]:
         device: socket.socket | None = None
-        heard = torn = False  # who has connected but said nothing gives way to who comes later
+        heard = torn = told = False  # who has connected but said nothing gives way to who comes later
         try:
             while not stop():
                 ready = select.select([s for s in (server, device) if s is not None], [], [], _POLL_S)[0]
@@ -120,9 +181,12 @@ def _tcp(host: str, port: int, stop: Stop) -> Iterator[bytes]:
                         device, data = None, b"\n" if torn else b""
                     torn = bool(data) and not data.endswith((b"\n", b"\r"))
                 elif server in ready:  # only when all that the device sent is read, its farewell included
-                    caller, _ = server.accept()
+                    caller, address = server.accept()
                     if device is not None and heard:
                         caller.close()
+                        if not told:
+                            tell(f"{_place(address[:2])} was turned away: a device is connected; so is who comes next")
+                        told = True
                     else:
                         if device is not None:
                             device.close()
