@@ -154,14 +154,14 @@ def trajectory_of(run: SavedRun, estimator: str) -> Trajectory:
 
 
 def read_events(summary: dict[str, Any]) -> list[tuple[float, str]]:
-    """(time on the format's event clock, label) of what the log marked; none if the summary only counts them."""
+    """(time on the format's event clock, label) of what the log marked; none if the summary only counts them.
+
+    Labels are as the log has them, whatever is in them: who shows one goes through ``core.safe_text``.
+    """
     events = summary["log"].get("events")
     if not isinstance(events, list):
         return []
-    labelled = [
-        (float(event["t_s"]), "".join(c for c in event["label"] if c.isprintable()).strip()) for event in events
-    ]
-    return [(t_s, label) for t_s, label in labelled if label]
+    return [(float(event["t_s"]), str(event["label"])) for event in events if event["label"].strip()]
 
 
 def read_georeference(summary: dict[str, Any]) -> Georeference | None:

@@ -141,9 +141,12 @@ def test_directions_on_a_terminal_are_only_text(edited: Path, tmp_path: Path, fo
     if format_ == "gpx":
         labels = {point.name for point in gpxpy.parse(seen).waypoints}
     elif format_ == "geojson":
-        labels = {f["properties"].get("label") for f in json.loads(seen)["features"]}
+        marks = [f["properties"] for f in json.loads(seen)["features"] if f["properties"]["kind"] == "landmark"]
+        assert {mark["label"] for mark in marks} == set(LABELS)
+        return
     elif format_ == "json":
-        labels = {mark["label"] for leg in json.loads(seen)["legs"] for mark in leg["landmarks"]}
+        assert {mark["label"] for leg in json.loads(seen)["legs"] for mark in leg["landmarks"]} == set(LABELS)
+        return
     elif format_ == "csv":
         rows = list(csv.DictReader(io.StringIO(seen, newline="")))
         assert all(row["landmarks"][:1] not in tuple("=+-@") for row in rows)
