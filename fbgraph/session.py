@@ -16,6 +16,7 @@ from fbgraph.core.config import Config, dump_toml, load_config
 from fbgraph.core.earth_field import with_declination
 from fbgraph.core.errors import DataError, EstimationError
 from fbgraph.core.sensor_log import Event, SensorLog
+from fbgraph.core.tables import read_text
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
 from fbgraph.core.verdict import Integrity
 from fbgraph.core.whole_writes import whole_file
@@ -344,7 +345,7 @@ def live_declination(config: Config, told: Told) -> Config:
 def _keep_config(config: Config, out: Path) -> None:
     """Write ``config.toml``, at once or not at all: a walk killed meanwhile must go on as it began."""
     text, path = dump_toml(config), out / "config.toml"
-    if path.is_file() and path.read_text("utf-8") == text:
+    if path.is_file() and read_text(path, "TOML") == text:
         return
     with whole_file(path) as partial:
         partial.write_text(text, "utf-8")

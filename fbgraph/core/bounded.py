@@ -22,6 +22,10 @@ MOST_GROWTH = 100
 """What unpacks to more than ``FREE_BYTES`` may grow so many times; noise never packs that well."""
 PLACES_BYTES = 64 * MIB
 """Of truth, anchors and routes."""
+MOST_PLACES = 2_000_000
+"""Lines of them: 48 h at 10 Hz are fewer."""
+RUN_BYTES = 256 * MIB
+"""Of a file of a run: a week's breadcrumbs take half of it."""
 CONFIG_BYTES = 1 << 16
 """Of a configuration or mapping file; every key of it takes a tenth."""
 LONGEST_LINE = 1 << 16
@@ -191,6 +195,28 @@ def small_file(path: Path, most_bytes: int, kind: str) -> bytes:
         DataError: as ``file_blocks``.
     """
     return b"".join(file_blocks(path, Allowance(most_bytes), kind))
+
+
+def table_of_places(path: Path, kind: str) -> bytes:
+    """The bytes of a table of truth, anchors or a route.
+
+    Args:
+        path: of the file or pipe.
+        kind: what it should be, for messages.
+
+    Raises:
+        DataError: it cannot be read, or is larger, longer or wider than any such table.
+    """
+    data = small_file(path, PLACES_BYTES, kind)
+    if (rows := data.count(b"\n")) > MOST_PLACES:
+        raise DataError(f"{path}: {rows} lines, the limit of a {kind} is {MOST_PLACES}")
+    for line in data.split(b"\n"):
+        if len(line) > LONGEST_LINE or (len(line) >= MOST_COLUMNS and line.count(b",") >= MOST_COLUMNS):
+            raise DataError(
+                f"{path}: a line of {len(line)} bytes and {line.count(b',') + 1} columns; "
+                f"the limits of a {kind} are {LONGEST_LINE} and {MOST_COLUMNS}"
+            )
+    return data
 
 
 class WholeLines:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fbgraph.core.bounded import LONGEST_LINE, MOST_COLUMNS, PLACES_BYTES, small_file
+from fbgraph.core.bounded import table_of_places
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.georeference import Georeference, along_ground_m
@@ -24,7 +24,6 @@ _SLACK_S = 5.0
 FASTEST_M_S, SLACK_M = 12.5, 1000.0  # nobody runs faster, and no survey is further off
 _MOST_COORDINATE = 1e9
 _MOST_ANCHORS = 20_000
-_MOST_PLACES = 2_000_000  # 48 h at 10 Hz are fewer
 IPIN_SIGMA_M = 0.5
 """Of a checkpoint of the IPIN competitions: surveyed to centimetres, pressed by hand some 0.4 s early or late."""
 _ALIASES = {"t_app_s": "t_s", "east_m": "x_m", "north_m": "y_m", "up_m": "z_m"}
@@ -203,7 +202,7 @@ def read_checkpoints(path: str | Path) -> Checkpoints:
     """
     import pandas as pd  # here, because it takes a second to import
 
-    data = _read_places(Path(path))
+    data = table_of_places(Path(path), "checkpoint CSV")
     try:
         table = pd.read_csv(BytesIO(data), comment="#", skipinitialspace=True)
     except ValueError as error:  # pandas' parser and decoding errors are ValueErrors
@@ -249,24 +248,6 @@ def _placed(columns: dict[str, FloatArray]) -> dict[str, Any]:
     lat_lon_deg = np.column_stack((lat_deg, lon_deg))
     x_m, y_m = first.local_m(lat_lon_deg).T
     return {**columns, "x_m": x_m, "y_m": y_m, "georeference": first, "lat_lon_deg": lat_lon_deg}
-
-
-def _read_places(path: Path) -> bytes:
-    """The bytes of a table of places.
-
-    Raises:
-        DataError: it cannot be read, or is larger, longer or wider than any such table.
-    """
-    data = small_file(path, PLACES_BYTES, "checkpoint CSV")
-    if (rows := data.count(b"\n")) > _MOST_PLACES:
-        raise DataError(f"{path}: {rows} lines, the limit of a checkpoint CSV is {_MOST_PLACES}")
-    for line in data.split(b"\n"):
-        if len(line) > LONGEST_LINE or (len(line) >= MOST_COLUMNS and line.count(b",") >= MOST_COLUMNS):
-            raise DataError(
-                f"{path}: a line of {len(line)} bytes and {line.count(b',') + 1} columns; "
-                f"the limits of a checkpoint CSV are {LONGEST_LINE} and {MOST_COLUMNS}"
-            )
-    return data
 
 
 def anchor_breadcrumbs(anchors: Checkpoints, t_s: FloatArray) -> IntArray:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fbgraph.core.bounded import RUN_BYTES, small_file
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 
@@ -57,19 +58,20 @@ class NumberTable:
 
 
 def read_text(path: Path, kind: str) -> str:
-    """The text of a file.
+    """The text of a file of a run; its lines end with LF.
 
     Args:
         path: the file.
         kind: what it should be, for the message.
 
     Raises:
-        DataError: it cannot be read, or is not text.
+        DataError: it cannot be read, is larger than any such file, or is not text.
     """
     try:
-        return path.read_text("utf-8")
-    except (OSError, ValueError) as error:
+        text = small_file(path, RUN_BYTES, kind).decode("utf-8")
+    except ValueError as error:
         raise DataError(f"{path}: not readable as {kind}: {error}") from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_numbers(path: Path, kind: str, columns: str, separator: str | None = None, header: str = "") -> NumberTable:

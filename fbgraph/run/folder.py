@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from fbgraph.core.config import Config, dump_toml
-from fbgraph.core.errors import ConfigError
+from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.tables import read_text
 from fbgraph.core.trajectory import Trajectory, write_tum
 from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
 from fbgraph.run.digests import DIGESTS, SUMMARY, noted_digests
@@ -121,9 +122,9 @@ def require_replaceable(place: Path, made_by: tuple[RunInputs, Config] | None = 
     if not names - {RAW, "config.toml"}:
         return  # nothing, or a live walk of which no byte ever came
     try:
-        summary = json.loads((place / "summary.json").read_text("utf-8"))
+        summary = json.loads(read_text(place / SUMMARY, "JSON"))
         made, noted = summary["fbgraph"], summary.get("inputs") or {}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (DataError, ValueError, KeyError, TypeError, AttributeError):
         made, noted = None, {}
     if not isinstance(made, str) or not isinstance(noted, dict):
         raise ConfigError(f"--out {place}: exists and holds no whole run; name another, or remove it")
@@ -133,7 +134,7 @@ def require_replaceable(place: Path, made_by: tuple[RunInputs, Config] | None = 
     if noted.get("log") != inputs.log:
         other = noted.get("log") or "a log that was no file"
         raise ConfigError(f"--out {place}: holds the run of {other}; name another, or --force replaces it")
-    if not (place / "config.toml").is_file() or (place / "config.toml").read_text("utf-8") != dump_toml(config):
+    if not (place / "config.toml").is_file() or read_text(place / "config.toml", "TOML") != dump_toml(config):
         raise ConfigError(
             f"--out {place}: holds a run with another configuration; name another, or --force replaces it"
         )

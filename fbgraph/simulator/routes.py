@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
+from fbgraph.core.bounded import MOST_PLACES, table_of_places
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import FloatArray, wrap_angle
 
@@ -66,10 +68,12 @@ class Route:
         """The route so many times over: round and round if it is closed, to and fro if not.
 
         Raises:
-            ConfigError: fewer than one lap.
+            ConfigError: fewer than one lap, or more than anybody walks.
         """
         if laps < 1:
             raise ConfigError(f"laps must be at least 1, not {laps}")
+        if laps * len(self.waypoints_m) > MOST_PLACES:
+            raise ConfigError(f"{laps} laps of {len(self.waypoints_m)} waypoints, the limit is {MOST_PLACES} in all")
         there = list(range(len(self.waypoints_m)))
         back = there if self.closed else there[::-1]
         order = there + [k for lap in range(1, laps) for k in (back if lap % 2 else there)[1:]]
@@ -122,7 +126,7 @@ def load_route(source: str, scale: float = 1.0, laps: int = 1) -> Route:
         raise ConfigError(f"the scale of a route must be a positive number, not {scale}")
     if source in _NAMED:
         rows = np.array([row + (0.0,) * (4 - len(row)) for row in _NAMED[source]], dtype=float)
-    elif Path(source).is_file():
+    elif Path(source).exists():
         rows = _read_rows(Path(source))
     else:
         raise ConfigError(f"route {source!r}: neither {', '.join(ROUTE_NAMES)} nor a file")
@@ -137,9 +141,10 @@ def _read_rows(path: Path) -> FloatArray:
     """(M, 4) x, y, z, pause as the file has them, M >= 1."""
     import pandas as pd  # here, because it takes a second to import
 
+    data = table_of_places(path, "route CSV")
     try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except (OSError, ValueError) as error:  # pandas' parser and decoding errors are ValueErrors
+        table = pd.read_csv(BytesIO(data), comment="#", skipinitialspace=True)
+    except ValueError as error:  # pandas' parser and decoding errors are ValueErrors
         raise DataError(f"{path}: not a readable route CSV: {str(error).splitlines()[0]}") from error
     table = table.rename(columns=lambda name: str(name).strip())
     known = ("x_m", "y_m", "z_m", "pause_s")

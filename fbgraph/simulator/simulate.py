@@ -23,6 +23,8 @@ from fbgraph.simulator.gait import Walk, Walker, plan_walk
 from fbgraph.simulator.routes import Route
 from fbgraph.simulator.simulate_options import Inertial, SimulateOptions
 
+_LONGEST_S = 86_400.0
+
 
 @dataclass(frozen=True)
 class TrueSteps:
@@ -83,7 +85,7 @@ def simulate(route: Route, options: SimulateOptions | None = None, seed: int = 0
         seed: the same seed gives the same walk; any other different steps, errors and iron.
 
     Raises:
-        ConfigError: a seed that is negative, a duration that would take too many laps.
+        ConfigError: a seed that is negative, or a walk of more than a day.
     """
     if seed < 0:
         raise ConfigError(f"the seed must be 0 or more, not {seed}")
@@ -95,6 +97,7 @@ def simulate(route: Route, options: SimulateOptions | None = None, seed: int = 0
     lap = route
     if options.duration_s is not None:
         route = route.repeated(_laps_for(route, options.walker, options.duration_s))
+    _require_a_day(route, options.walker)
     walk = plan_walk(route, options.walker, gait_rng, options.gaits)
     motion = Motion(walk, options.walker, sway_rng)
 
@@ -155,11 +158,24 @@ def _someone(options: SimulateOptions, rng: np.random.Generator) -> SimulateOpti
 
 def _laps_for(route: Route, walker: Walker, duration_s: float) -> int:
     """The whole number of laps, at least one, whose walk comes nearest to this duration."""
-    if duration_s > 86_400:
+    if duration_s > _LONGEST_S:
         raise ConfigError(f"a simulated walk lasts at most a day, not {duration_s:g} s")
+    _require_a_day(route, walker)
     metronome, rng = replace(walker, gait_variation=0.0), np.random.default_rng(0)
     one_s, two_s = (plan_walk(route.repeated(laps), metronome, rng).end_s for laps in (1, 2))
     return max(1, round((duration_s - one_s) / (two_s - one_s)) + 1)
+
+
+def _require_a_day(route: Route, walker: Walker) -> None:
+    """Refuse a route that takes longer, before it is planned step by step.
+
+    Raises:
+        ConfigError: it does, at the walker's pace on level straights.
+    """
+    pace_m_s = walker.cadence_hz * walker.flat_length_m(walker.cadence_hz)
+    least_s = route.length_m / pace_m_s + float(route.pause_s.sum())
+    if least_s > _LONGEST_S:
+        raise ConfigError(f"a simulated walk lasts at most a day, and {route.name} takes {least_s / 3600.0:.4g} h")
 
 
 @dataclass(frozen=True)

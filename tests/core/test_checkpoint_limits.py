@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fbgraph
+from fbgraph.core import bounded
 from fbgraph.core import checkpoints as module
 from fbgraph.core.aids import Told
 from fbgraph.core.bounded import CONFIG_BYTES, LONGEST_LINE, PLACES_BYTES
@@ -174,7 +175,7 @@ def test_tables_of_places_are_bounded(tmp_path: Path, monkeypatch: pytest.Monkey
     assert len(read_checkpoints(table(tmp_path, f"#{'x' * (LONGEST_LINE - 1)}\n{head}0,0,0\n"))) == 1
     with pytest.raises(DataError, match="a line of 65537 bytes"):
         read_checkpoints(table(tmp_path, f"#{'x' * LONGEST_LINE}\n{head}0,0,0\n"))
-    monkeypatch.setattr(module, "_MOST_PLACES", 3)
+    monkeypatch.setattr(bounded, "MOST_PLACES", 3)
     assert len(read_checkpoints(table(tmp_path, head + "0,0,0\n" * 2))) == 2
     with pytest.raises(DataError, match="4 lines, the limit of a checkpoint CSV is 3"):
         read_checkpoints(table(tmp_path, head + "0,0,0\n" * 3))

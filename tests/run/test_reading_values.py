@@ -11,11 +11,13 @@ from support.by_hand import way_along
 from support.results_by_hand import hand_log, hand_result, with_cov
 
 from fbgraph.core.aids import Told
+from fbgraph.core.bounded import RUN_BYTES
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import Config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.sensor_log import Event
+from fbgraph.core.tables import read_text
 from fbgraph.pipeline import read_told
 from fbgraph.run.folder import BREADCRUMB_HEADER, write_tables
 from fbgraph.run.inputs import RunInputs
@@ -85,8 +87,20 @@ def test_what_is_no_table_of_breadcrumbs_is_refused(tmp_path: Path, text: str, r
     (tmp_path / "b.csv").write_text(text)
     with pytest.raises(DataError, match=f"b.csv: not readable as breadcrumbs: {reason}"):
         read_breadcrumbs(tmp_path / "b.csv")
-    with pytest.raises(DataError, match=r"c\.csv: not readable as breadcrumbs: .*No such file"):
+    with pytest.raises(DataError, match=r"c\.csv: No such file or directory; check the path"):
         read_breadcrumbs(tmp_path / "c.csv")
+
+
+def test_a_file_of_a_run_is_bounded_and_its_lines_end_in_any_way(tmp_path: Path) -> None:
+    with open(tmp_path / "b.csv", "wb") as out:
+        out.truncate(RUN_BYTES + 1)
+    with pytest.raises(DataError, match=r"b\.csv: 256 MiB or more, the limit is 256 MiB"):
+        read_breadcrumbs(tmp_path / "b.csv")
+    (tmp_path / "c.csv").write_bytes(b"a\r\nb\rc\n\n")
+    assert read_text(tmp_path / "c.csv", "text") == "a\nb\nc\n\n"
+    (tmp_path / "c.csv").write_bytes(b"\xff")
+    with pytest.raises(DataError, match=r"c\.csv: not readable as text: 'utf-8' codec"):
+        read_text(tmp_path / "c.csv", "text")
 
 
 ROW = "0,100.5,1.0,2.0,3.0,0.5,0.004,0.3,0.4,0.05,0.6,0.07"

@@ -1,5 +1,7 @@
 """Routes and options: what is walked, and what is refused."""
 
+import os
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +9,11 @@ import numpy as np
 import pytest
 from support.simulated import perfect
 
+from fbgraph.core import bounded
+from fbgraph.core.bounded import PLACES_BYTES
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.units import STANDARD_GRAVITY_M_S2
+from fbgraph.simulator import simulate as module
 from fbgraph.simulator.gait import Walker
 from fbgraph.simulator.routes import ROUTE_NAMES, load_route
 from fbgraph.simulator.simulate import simulate
@@ -105,6 +110,31 @@ class TestRoutes:
             load_route(str(path))
         assert str(path) in str(caught.value)
 
+    def test_files_are_bounded_as_truth_is(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        path = tmp_path / "route.csv"
+        with open(path, "wb") as out:
+            out.truncate(PLACES_BYTES + 1)
+        with pytest.raises(DataError, match=r"route\.csv: 64 MiB or more, the limit is 64 MiB"):
+            load_route(str(path))
+        path.write_text("x_m,y_m\n0,0\n5,0\n")
+        monkeypatch.setattr(bounded, "MOST_PLACES", 3)
+        assert load_route(str(path)).length_m == 5.0
+        monkeypatch.setattr(bounded, "MOST_PLACES", 2)
+        with pytest.raises(DataError, match=r"route\.csv: 3 lines, the limit of a route CSV is 2"):
+            load_route(str(path))
+        with pytest.raises(DataError, match=r"/dev/zero: is a device or socket, not a route CSV"):
+            load_route("/dev/zero")
+        with pytest.raises(DataError, match="is a directory, not a route CSV; name one file in it"):
+            load_route(str(tmp_path))
+
+    def test_pipe(self, tmp_path: Path) -> None:
+        pipe = tmp_path / "route"
+        os.mkfifo(pipe)
+        writer = threading.Thread(target=pipe.write_text, args=("x_m,y_m\n0,0\n5,0\n",))
+        writer.start()
+        assert load_route(str(pipe)).length_m == 5.0
+        writer.join()
+
     def test_binary_file(self, tmp_path: Path) -> None:
         path = tmp_path / "route.csv"
         path.write_bytes(bytes(range(256)))
@@ -148,6 +178,28 @@ class TestOptions:
     def test_too_long(self) -> None:
         with pytest.raises(ConfigError, match="at most a day"):
             simulate(load_route("square"), SimulateOptions(duration_s=1e6))
+
+    def test_a_walk_is_as_long_as_it_may_be(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(module, "_LONGEST_S", 32.0)
+        assert simulate(load_route("square")).log.duration_s > 32.0  # with its corners
+        monkeypatch.setattr(module, "_LONGEST_S", 28.0)
+        with pytest.raises(ConfigError, match="at most a day, and square takes"):
+            simulate(load_route("square"))
+
+    def test_a_route_of_more_than_a_day_is_refused_before_it_is_planned(self, tmp_path: Path) -> None:
+        path = tmp_path / "far.csv"
+        path.write_text("x_m,y_m,pause_s\n0,0,0\n1e9,0,0\n")
+        for options in (None, SimulateOptions(duration_s=100.0)):
+            with pytest.raises(ConfigError, match=r"at most a day, and .*far\.csv takes 2\.\d+e\+05 h"):
+                simulate(load_route(str(path)), options)
+        path.write_text("x_m,y_m,pause_s\n0,0,86401\n5,0,0\n")
+        with pytest.raises(ConfigError, match=r"at most a day, and .*far\.csv takes 24 h"):
+            simulate(load_route(str(path)))
+
+    def test_more_laps_than_anybody_walks_are_refused(self) -> None:
+        assert len(load_route("straight", laps=1000).labels) == 1001
+        with pytest.raises(ConfigError, match="1000001 laps of 2 waypoints, the limit is 2000000 in all"):
+            load_route("straight", laps=1_000_001)
 
     def test_negative_seed(self) -> None:
         with pytest.raises(ConfigError, match="seed"):
