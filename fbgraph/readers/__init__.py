@@ -78,4 +78,5 @@ def read_log(path: str | Path, format_name: str | None = None, max_size: int | N
     if text.too_long:
         raw.counts["lines_too_long"] = text.too_long
         raw.notices.append(f"{text.too_long} lines of more than 64 KiB left out: no rows of a log")
+    del text  # up to a gigabyte
     return assemble(raw, path, name)

@@ -60,6 +60,7 @@ _NAMES = {
 _SENSORS = ("acc", "gyro", "mag", "pressure")
 _LARGEST_TICK = 2**62
 _BLOCK = 4000  # lines parsed at once: a garbled number makes its column slow for this many
+_BLOCKS = 128  # of them are put together at a time
 _Block = tuple[IntArray, NDArray[Any], FloatArray, list[tuple[int, str]]]  # good lines, their t, numbers, events
 
 
@@ -166,8 +167,7 @@ class Columns:
 
     def parse_pieces(self, pieces: Iterable[Sequence[str]], first_row: int = 0) -> Rows:
         """The same of lines that come in pieces, of which no more than a block is held."""
-        t: list[NDArray[Any]] = [np.empty(0, dtype=np.int64)]
-        numbers = [np.empty((0, len(self._fields)))]
+        t, numbers = _Gathered(np.empty(0, dtype=np.int64)), _Gathered(np.empty((0, len(self._fields))))
         events: list[tuple[int, str]] = []
         done = seen = 0
         for block, at, lines in self._blocks(pieces):
@@ -177,14 +177,14 @@ class Columns:
                 good, t_block, numbers_block, texts = parse(block)
             except OverflowError:  # pandas meets a number of hundreds of digits
                 good, t_block, numbers_block, texts = self._parse_few(block)
-            t.append(t_block if "time" in self.where else first_row + at[good])
-            numbers.append(numbers_block)
+            t.add(t_block if "time" in self.where else first_row + at[good])
+            numbers.add(numbers_block)
             events += [(done + i, text.strip()) for i, text in texts if text.strip()]
             done += len(good)
         widths = np.cumsum([len(self.where[sensor]) for sensor in self._sensors])
-        values = dict(zip(self._sensors, np.split(np.concatenate(numbers), widths[:-1], axis=1), strict=True))
+        values = dict(zip(self._sensors, np.split(numbers.joined(), widths[:-1], axis=1), strict=True))
         bad = seen - done
-        return Rows(np.concatenate(t), values, events, {"lines_unreadable": bad} if bad else {})
+        return Rows(t.joined(), values, events, {"lines_unreadable": bad} if bad else {})
 
     def _blocks(self, pieces: Iterable[Sequence[str]]) -> Iterator[tuple[list[str], IntArray, int]]:
         """Lines with the right number of fields, where they are among all lines, and how many were seen so far."""
@@ -356,6 +356,23 @@ class Columns:
             t.append(t_row)
             numbers.append(row)
         return np.array(good, dtype=np.int64), np.array(t), np.array(numbers).reshape(-1, len(self._fields)), texts
+
+
+class _Gathered:
+    """Arrays put together now and then: thousands of small ones among short-lived texts hold the memory of both."""
+
+    def __init__(self, nothing: NDArray[Any]) -> None:
+        self._many: list[NDArray[Any]] = [nothing]
+        self._few: list[NDArray[Any]] = []
+
+    def add(self, block: NDArray[Any]) -> None:
+        self._few.append(block)
+        if len(self._few) == _BLOCKS:
+            self._many.append(np.concatenate(self._few))
+            self._few = []
+
+    def joined(self) -> NDArray[Any]:
+        return np.concatenate((*self._many, *self._few))
 
 
 def plain_name(name: str) -> str:

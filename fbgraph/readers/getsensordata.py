@@ -17,7 +17,7 @@ import numpy as np
 from fbgraph.core.checkpoints import IPIN_SIGMA_M, Checkpoints, checkpoints
 from fbgraph.core.georeference import Georeference
 from fbgraph.readers.cleaning import RawLog, RawStream, to_ns
-from fbgraph.readers.log_text import LogText, log_text
+from fbgraph.readers.log_text import MOST_LINES, LogText, log_text
 
 NAME = "getsensordata"
 PRESET = "phone"
@@ -48,6 +48,7 @@ def read(source: Path | LogText) -> RawLog:
     """
     raw = RawLog()
     text = log_text(source)
+    text.require_rows(MOST_LINES)
     tables, places, bad = _tables(text)
     for tag, (name, width) in _TAGS.items():
         table = np.array(tables[tag], dtype=float).reshape(-1, 2 + width)

@@ -13,7 +13,7 @@ import numpy as np
 
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.readers.cleaning import MAX_T_NS, RawLog, RawStream
-from fbgraph.readers.log_text import LogText, log_text
+from fbgraph.readers.log_text import MOST_LINES, LogText, log_text
 
 NAME = "indoor_location"
 PRESET = "phone"
@@ -50,6 +50,7 @@ def read(source: Path | LogText) -> RawLog:
     """
     raw = RawLog()
     text = log_text(source)
+    text.require_rows(MOST_LINES)
     times, values, bad = _tables(text)
     if bad:
         raw.counts["lines_unreadable"] = bad

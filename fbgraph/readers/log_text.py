@@ -6,7 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from fbgraph.core.bounded import Allowance, WholeLines, file_blocks
+from fbgraph.core.errors import DataError
+
+MOST_LINES = 20_000_000
+"""Of a phone's log, which has one for each sample of each sensor: eleven hours of five sensors at 100 Hz."""
 
 
 @dataclass(frozen=True)
@@ -17,11 +23,26 @@ class LogText:
         source: where it came from.
         pieces: of whole lines; the last may lack its end.
         too_long: lines that are not in it because they ran on for more than 64 KiB.
+        rows: lines that are not empty.
+        any_rows: whether more of them were allowed than any walk has.
     """
 
     source: Path
     pieces: tuple[str, ...]
     too_long: int = 0
+    rows: int = 0
+    any_rows: bool = False
+
+    def require_rows(self, most: int) -> None:
+        """Refuse a log of so many rows that their numbers take much more memory than its text.
+
+        Raises:
+            DataError: there are more.
+        """
+        if self.rows > most and not self.any_rows:
+            raise DataError(
+                f"{self.source}: {self.rows} rows, the limit is {most}; if it is a walk, --max-size SIZE allows more"
+            )
 
     def head(self, chars: int) -> str:
         """Its first so many characters."""
@@ -50,5 +71,14 @@ def log_text(source: Path | LogText, max_size: int | None = None) -> LogText:
     if isinstance(source, LogText):
         return source
     lines = WholeLines()
-    blocks = file_blocks(source, Allowance.of(max_size), "log file")
-    return LogText(source, tuple(piece.decode("latin-1") for piece in lines.pieces(blocks)), lines.too_long)
+    pieces, rows = [], 0
+    for piece in lines.pieces(file_blocks(source, Allowance.of(max_size), "log file")):
+        pieces.append(piece.decode("latin-1"))
+        rows += _rows(piece)
+    return LogText(source, tuple(pieces), lines.too_long, rows, any_rows=max_size is not None)
+
+
+def _rows(piece: bytes) -> int:
+    """Lines that are not empty, of a piece that begins with a line."""
+    ends = np.frombuffer(piece, dtype=np.uint8) == ord("\n")
+    return int(np.count_nonzero(ends[1:] & ~ends[:-1])) + (not ends[-1])

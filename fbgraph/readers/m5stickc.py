@@ -33,6 +33,8 @@ EXAMPLE = f"""\
 10250,0.012,-0.034,0.998,1.22,-0.61,0.31,21.4,-3.2,-40.1,1013.25,31.5,
 10260,0.015,-0.031,1.002,1.10,-0.55,0.37,,,,,,button
 """
+MOST_ROWS = 10_000_000
+"""A day at 100 Hz: four sensors of a row take half a kilobyte while they are read, and as much again to be smoothed."""
 _HEAD_LINES, _LATEST_HEADER = 50, 1000
 _MOST_NAMES = 100_000  # looked at in search of a header; a thousand lines of a log hold a sixth of them
 _RESTART_NS = 1_000_000_000
@@ -70,6 +72,7 @@ def read(source: Path | LogText) -> RawLog:
         DataError: it cannot be read, has no header and no canonical rows, or units nobody can guess.
     """
     text = log_text(source)
+    text.require_rows(MOST_ROWS)
     head = list(islice(chain.from_iterable(map(_data_lines, text.lines())), _LATEST_HEADER))
     columns = find_columns(head)
     if columns is None:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from fbgraph.core.bounded import (
     parse_size,
 )
 from fbgraph.core.errors import ConfigError, DataError
-from fbgraph.readers import detect, m5stickc, read_log
+from fbgraph.readers import detect, getsensordata, indoor_location, m5stickc, read_log
 from fbgraph.readers.log_text import LogText, log_text
 
 N = 500
@@ -249,6 +250,45 @@ def test_many_empty_lines_within_the_limit_cost_no_memory(tmp_path: Path) -> Non
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (most, most)),
     )
     assert done.stdout.strip() == str(N), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("data", "rows"),
+    [(b"", 0), (b"\n\n\n", 0), (b"a", 1), (b"a\n", 1), (b"\na\n\n\nb\r\nc", 3), (b"a\rb\r\r\n", 2)],
+)
+def test_rows_are_lines_that_are_not_empty(data: bytes, rows: int, tmp_path: Path) -> None:
+    (tmp_path / "walk.csv").write_bytes(data)
+    assert log_text(tmp_path / "walk.csv").rows == rows
+    lines = 400_000  # in pieces of a mebibyte
+    (tmp_path / "walk.csv").write_bytes(b"1,2,3,4\n" * lines + data)
+    assert log_text(tmp_path / "walk.csv").rows == lines + rows
+
+
+def test_a_wearables_log_has_a_days_rows_at_most(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path, [HEADER, *ROWS])
+    assert m5stickc.MOST_ROWS > 24 * 3600 * 100
+    monkeypatch.setattr(m5stickc, "MOST_ROWS", N + 1)
+    assert len(read_log(path).log.acc) == N
+    monkeypatch.setattr(m5stickc, "MOST_ROWS", N)
+    with pytest.raises(
+        DataError, match=r"walk\.csv: 501 rows, the limit is 500; if it is a walk, --max-size SIZE allows more"
+    ):
+        read_log(path)
+    assert len(read_log(path, max_size=1 << 30).log.acc) == N
+
+
+@pytest.mark.parametrize("phone", [getsensordata, indoor_location])
+def test_a_phones_log_has_twenty_million_rows_at_most(
+    phone: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "walk.txt").write_text(phone.EXAMPLE)
+    rows = phone.EXAMPLE.count("\n")
+    assert phone.MOST_LINES == 20_000_000
+    monkeypatch.setattr(phone, "MOST_LINES", rows)
+    assert phone.read(tmp_path / "walk.txt").streams
+    monkeypatch.setattr(phone, "MOST_LINES", rows - 1)
+    with pytest.raises(DataError, match=rf"walk\.txt: {rows} rows, the limit is {rows - 1}"):
+        phone.read(tmp_path / "walk.txt")
 
 
 def test_a_configuration_is_small() -> None:
