@@ -10,6 +10,9 @@ from typing import Any
 from fbgraph.core.errors import DataError
 from fbgraph.core.georeference import Georeference
 
+_PIPED = "piped"
+"""What of truth and anchors was a pipe: a run without them would be another one."""
+
 
 @dataclass(frozen=True)
 class RunInputs:
@@ -66,7 +69,7 @@ class RunInputs:
         """What a run's summary, which is checked, notes; what a newer fbgraph noted beside it is left out.
 
         Raises:
-            DataError: nothing.
+            DataError: nothing, or something that was there only once.
         """
         noted = summary.get("inputs") or {}
         if not noted.get("log"):
@@ -74,15 +77,22 @@ class RunInputs:
                 f"{run}: by its summary.json its log was no file, or an earlier fbgraph did not note it; "
                 "smooth the log again"
             )
+        if piped := noted.get(_PIPED):
+            raise DataError(
+                f"{run}: its {' and '.join(piped)} came through a pipe and cannot be read again; smooth the log again, "
+                f"with a file as {' and '.join(f'--{name}' for name in piped)}"
+            )
         known = {field.name: noted[field.name] for field in fields(RunInputs) if field.name in noted}
         origin = known.get("origin")
         return RunInputs(**{**known, "origin": None if origin is None else (float(origin[0]), float(origin[1]))})
 
     def as_dict(self) -> dict[str, Any]:
-        """For ``summary.json``; what concerns replays only of a replay, and no log that was a pipe."""
+        """For ``summary.json``; what concerns replays only of a replay, and no path of what was a pipe."""
         noted = asdict(self)
-        if self.log is not None and _is_pipe(Path(self.log)):
-            noted["log"] = None
+        piped = [name for name in ("log", "truth", "anchors") if noted[name] and _is_pipe(Path(noted[name]))]
+        noted.update(dict.fromkeys(piped))
+        if aids := [name for name in piped if name != "log"]:
+            noted[_PIPED] = aids
         if self.max_size is None:
             del noted["max_size"]
         if not self.forced:

@@ -107,6 +107,7 @@ class _Inputs(_Noted):
     format: _Text | None = None
     truth: _Text | None = None
     anchors: _Text | None = None
+    piped: list[_Text] = []
     closed_walk: bool = False
     origin: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
     online_chunk_s: Annotated[float, Field(ge=0.001, le=1e9)] | None = None

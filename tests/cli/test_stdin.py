@@ -44,8 +44,23 @@ def test_a_named_pipe_as_log_and_one_as_truth(walk: Path, tmp_path: Path) -> Non
     options = ("--truth", tmp_path / "truth", "--out", tmp_path / "pipe", "--no-recording")
     fbgraph("smooth", tmp_path / "log", *options)
     assert [writer.wait(timeout=10) for writer in writers] == [0, 0]
+    noted = json.loads((tmp_path / "pipe" / "summary.json").read_text())["inputs"]
+    assert (noted["log"], noted["truth"]) == (None, None)
     scores = [json.loads((tmp_path / run / "summary.json").read_text())["estimators"] for run in ("file", "pipe")]
     assert scores[0] == scores[1]
+
+
+@pytest.mark.parametrize("aid", ["truth", "anchors"])
+def test_a_run_told_of_places_through_a_pipe_is_not_made_again_without_them(
+    aid: str, walk: Path, tmp_path: Path
+) -> None:
+    places = "t_s,x_m,y_m\n6,0,0\n20,10,5\n"
+    fbgraph_process("smooth", walk, f"--{aid}", "/dev/stdin", "--out", tmp_path / "run", "--no-recording", stdin=places)
+    noted = json.loads((tmp_path / "run" / "summary.json").read_text())["inputs"]
+    assert (noted["log"], noted[aid], noted["piped"]) == (str(walk), None, [aid])
+    told = fbgraph("record", tmp_path / "run", code=3).stderr
+    assert f"its {aid} came through a pipe and cannot be read again; smooth the log again, with a file" in told
+    assert told.count("\n") == 1
 
 
 def test_empty_standard_input_and_devices_are_told(tmp_path: Path) -> None:
