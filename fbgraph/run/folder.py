@@ -15,7 +15,8 @@ import numpy as np
 from fbgraph.core.config import Config, dump_toml
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.tables import read_text
-from fbgraph.core.trajectory import Trajectory, write_tum
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.core.tum_files import write_tum
 from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
 from fbgraph.run.digests import DIGESTS, SUMMARY, noted_digests
 from fbgraph.run.inputs import RunInputs

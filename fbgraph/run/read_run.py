@@ -23,7 +23,8 @@ from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.tables import read_numbers, read_text
-from fbgraph.core.trajectory import Trajectory, read_tum
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.core.tum_files import read_tum
 from fbgraph.core.verdict import Integrity
 from fbgraph.run.digests import DIGESTS, SUMMARY, require_as_written, require_summary_as_written
 from fbgraph.run.folder import BREADCRUMB_HEADER, RAW

@@ -17,7 +17,7 @@ from support.commands import fbgraph, fbgraph_process
 from support.walking import differences
 
 from fbgraph.core.config import load_config
-from fbgraph.core.trajectory import read_tum
+from fbgraph.core.tum_files import read_tum
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import read_log
 

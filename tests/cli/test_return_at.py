@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.commands import fbgraph, fbgraph_process
 
-from fbgraph.core.trajectory import read_tum
+from fbgraph.core.tum_files import read_tum
 from fbgraph.run.folder import RETURN_HEADER
 from fbgraph.simulator.files import write_m5stickc_csv
 from fbgraph.simulator.routes import load_route

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.commands import fbgraph, fbgraph_process
 
-from fbgraph.core.trajectory import read_tum
+from fbgraph.core.tum_files import read_tum
 
 
 @pytest.fixture(scope="module")

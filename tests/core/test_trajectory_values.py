@@ -8,7 +8,8 @@ import pytest
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
-from fbgraph.core.trajectory import Trajectory, read_tum, write_tum
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.core.tum_files import read_tum, write_tum
 
 
 def corner(**given: FloatArray) -> Trajectory:

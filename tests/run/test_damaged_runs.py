@@ -18,7 +18,7 @@ from fbgraph.core.checkpoints import Checkpoints, checkpoints, read_checkpoints
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import DataError, FbgraphError
 from fbgraph.core.georeference import Georeference
-from fbgraph.core.trajectory import read_tum
+from fbgraph.core.tum_files import read_tum
 from fbgraph.pipeline import write_run
 from fbgraph.recording.side_by_side import require_walk
 from fbgraph.reruns import repeat_run

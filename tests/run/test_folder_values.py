@@ -12,7 +12,8 @@ from support.results_by_hand import hand_result
 
 from fbgraph.core.config import Config, GraphConfig, load_config
 from fbgraph.core.errors import ConfigError
-from fbgraph.core.trajectory import Trajectory, read_tum, write_tum
+from fbgraph.core.trajectory import Trajectory
+from fbgraph.core.tum_files import read_tum, write_tum
 from fbgraph.run.digests import noted_digests
 from fbgraph.run.folder import (
     BREADCRUMB_HEADER,
