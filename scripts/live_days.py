@@ -26,7 +26,7 @@ from fbgraph.simulator.simulate import simulate
 HOUR_MS = 3_600_000
 LAP_M = ((0, 0), (5, 0), (5, 10), (-5, 10), (-5, 0), (0, 0))  # begins and ends to the East: hours can be joined
 LAP_S = 33.0
-PIECE_ROWS = 10  # as a device sends them
+PIECE_ROWS = 100  # a second of them
 
 
 def resident_mb() -> float:
