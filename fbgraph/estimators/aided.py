@@ -26,12 +26,18 @@ _OTHER_OFF = 0.25  # of the anchors may contradict it nevertheless
 _UNIT_LEAST = 0.25  # nobody's steps are mis-scaled by more
 _UNITS = {"millimetres": 1000.0, "centimetres": 100.0, "feet": 3.2808, "kilometres": 0.001, "miles": 1 / 1609.3}
 _UNIT_REL = 0.15
+_UNIT_FROM = 6
 _TURNED_LEAST_RAD = math.radians(10.0)  # compasses indoors are wrong by less
 _TURNED_SIGMA_RAD = 0.1
 _SIDE_RAD = math.radians(25.0)
 _CLOSED_ODDS = 100.0  # that who says so has walked back to the start
 _USUAL_SIGMA_M = 0.5
 _NUDGE = 1e-6
+_FASTEST_STEP_S = 0.3
+_ANY_MIRROR = "one axis mirrored"
+_LATE_S, _LATE_LEAST = tuple(float(late_s) for late_s in range(-8, 9)), 3
+_LATE_BETTER = 3.0  # squared standard deviations; of these the covariance of a walk at anchors is generous
+_LATE_SIGMA_S = 0.6  # of all anchors together: what is less than some seconds nothing shows
 _MOST_NAMED = 4
 
 
@@ -107,11 +113,18 @@ def _anchors_checked(
     walk = WalkAtAnchors(alone, crumbs, anchors.xy_m, sigma_m)
     fit = walk.fit(compass)
     if fit is None:
-        return anchors, None, [], []
+        return anchors, None, [], ["the anchors are too near to one another to tell how their frame is turned"]
+    if fit.agree.all() and (late_s := _late_s(walk, fit)):
+        told, anchors = anchors, replace(anchors, t_s=anchors.t_s - late_s)
+        crumbs = anchor_breadcrumbs(anchors, track.t_s)
+        walk = WalkAtAnchors(alone, crumbs, anchors.xy_m, sigma_m)
+        fit = walk.fit(compass) or fit
+        return anchors, frame_of(fit, anchors.xy_m, free=True), [_late(told, late_s)], _turned_note(fit, compass)
     if fit.agree.all():
-        return anchors, frame_of(fit, anchors.xy_m, free=True), [], _turned_note(fit, compass)
+        doubts, notes = _turned_or_mirrored(walk, anchors, fit, compass)
+        return anchors, frame_of(fit, anchors.xy_m, free=True), doubts, notes
     other = _other_frame(walk, anchors, fit, crumbs, alone, sigma_m, compass)
-    if other or fit.agree.sum() < 2:
+    if other or fit.agree.sum() < 2 or not fit.clear:
         # the frame itself is wrong: the walk is not bent at all, and lies among the anchors as well as it can
         fit = _laid(walk, compass)
         sigma_m = np.full(len(anchors), math.sqrt(len(anchors)) * max(float(np.sqrt((fit.off_m**2).mean())), 1.0))
@@ -122,6 +135,47 @@ def _anchors_checked(
     doubted = replace(anchors, sigma_m=np.asarray(sigma_m))
     notes = [] if other else _turned_note(fit, compass)
     return doubted, frame, [_contradiction(anchors, fit, other)], notes
+
+
+def _late_s(walk: WalkAtAnchors, fit: FrameFit) -> float:
+    """By how much all anchors were told too late, in whole seconds; 0 if nothing says so."""
+    if fit.agree.sum() < _LATE_LEAST:
+        return 0.0
+    costs = {late_s: walk.cost_if_late(fit, late_s) for late_s in _LATE_S}
+    best = min(costs, key=lambda late_s: costs[late_s])
+    inside = abs(best) < max(_LATE_S)  # else something else is wrong
+    return best if inside and costs[best] < costs[0.0] - _LATE_BETTER else 0.0
+
+
+def _late(anchors: Checkpoints, late_s: float) -> Reason:
+    """What to say of anchors whose clock is not the log's."""
+    way = "late" if late_s > 0 else "early"
+    text = (
+        f"the anchors disagree with the sensors about time: they fit if all of them are {abs(late_s):.0f} s too {way}"
+    )
+    advice = "check their clock; they are taken so"
+    return Reason("anchors", 1.5, text, advice, float(anchors.t_s[0]), float(anchors.t_s[-1]))
+
+
+def _turned_or_mirrored(
+    walk: WalkAtAnchors, anchors: Checkpoints, fit: FrameFit, compass: bool
+) -> tuple[list[Reason], list[str]]:
+    """What to say of a frame that is turned, and of one that may be mirrored as well."""
+    notes = _turned_note(fit, compass)
+    if not notes:
+        return [], []
+    other = walk.fit(compass, mirrored=True)
+    words = "" if other is None or not other.agree.all() else _mirrored_words(other.turn_rad, compass)
+    if other is None or not words or other.cost > fit.cost + _BETTER:
+        return [], notes
+    if words == _ANY_MIRROR:
+        return [], [f"{notes[0]}; its axes may be mirrored instead, which these anchors do not tell"]
+    text = (
+        f"the anchors contradict the compass: either their frame is turned by {math.degrees(abs(fit.turn_rad)):.0f}°, "
+        f"which is taken so, or it has {words}"
+    )
+    advice = "check the file's columns, or name an anchor more, beside the line through the others"
+    return [Reason("anchors", 1.5, text, advice, float(anchors.t_s[0]), float(anchors.t_s[-1]))], notes
 
 
 def frame_of(fit: FrameFit, anchors_m: FloatArray, free: bool) -> AnchorFrame:
@@ -192,6 +246,8 @@ def _kind_of(fit: FrameFit, compass: bool) -> str:
         words.append(_mirrored_words(fit.turn_rad, compass))
     if abs(math.log(fit.scale)) > _UNIT_LEAST:
         near = [name for name, unit in _UNITS.items() if abs(math.log(fit.scale / unit)) < _UNIT_REL]
+        if not near and len(fit.agree) < _UNIT_FROM:
+            return ""  # so few are explained by many units
         words.append(f"{near[0]} instead of metres" if near else f"a unit of {1.0 / fit.scale:.3g} m instead of metres")
     return " and ".join(words)
 
@@ -203,7 +259,7 @@ def _mirrored_words(turn_rad: float, compass: bool) -> str:
     for half_turns, words in sides.items():
         if compass and abs(turn_rad - math.pi * half_turns) < _SIDE_RAD:
             return words
-    return "one axis mirrored"
+    return _ANY_MIRROR
 
 
 def _contradiction(anchors: Checkpoints, fit: FrameFit, other: str) -> Reason:
@@ -217,7 +273,7 @@ def _contradiction(anchors: Checkpoints, fit: FrameFit, other: str) -> Reason:
         advice = f"with {other} they would fit: check the file's columns and units; until then none of them is believed"
         return Reason("anchors", 3.0, text, advice, start_s, end_s)
     if count == len(anchors):
-        advice = "their distances do not fit the steps: check times, columns and units; none of them is believed"
+        advice = "which of them nobody can tell: check times, columns and units; none of them is believed"
         return Reason("anchors", 3.0, text, advice, start_s, end_s)
     return Reason("anchors", 2.0, f"{text}: doubted", "check their times and places", start_s, end_s)
 
@@ -250,6 +306,8 @@ def in_anchors_frame(
         whole = np.eye(3)
         whole[:2, :2] = back
         cov = whole @ cov @ whole.T
+        late_m = _LATE_SIGMA_S * np.gradient(xy_m, axis=0) / _apart_s(trajectory.t_s)[:, None]
+        cov[:, :2, :2] += late_m[:, :, None] * late_m[:, None, :]
     return replace(
         trajectory, x_m=xy_m[:, 0], y_m=xy_m[:, 1], yaw_rad=trajectory.yaw_rad - pose.theta(), cov_xy_yaw=cov
     )
@@ -289,6 +347,11 @@ def told_residuals(residuals: Sequence[Residuals], told: Aids | None, used: Aids
         replace(kind, whitened=kind.whitened / ratio, weight=kind.weight * ratio**2) if kind.name == "anchor" else kind
         for kind in residuals
     )
+
+
+def _apart_s(t_s: FloatArray) -> FloatArray:
+    """(N,) time of a step about each breadcrumb, in the units of ``np.gradient``; no step is faster than a run's."""
+    return np.maximum(np.gradient(t_s), _FASTEST_STEP_S)
 
 
 def _with_frame(

@@ -28,6 +28,8 @@ _TURNED_RAD, _TURNED_MOST = 0.2, 9.0  # a frame is usually that of the compass, 
 _ODD = 15.0  # by how much another kind of frame must be better
 _FREE = np.array([1e6, 1e6, 1e2, 1e2])  # variances of what is not known: place, turn, unit
 _ROUNDS = 5
+_CLEAR = 9.0  # by how much a company must explain the anchors better than another
+_AT_ONCE, _NEIGHBOURS = 20, 10
 _SWAP = np.array([[0.0, 1.0], [1.0, 0.0]])
 
 
@@ -44,6 +46,7 @@ class FrameFit:
         agree: (M,) which anchors agree with the walk and each other.
         off_m: (M,) how far each anchor is from where the sensors and those that agree put it.
         cost: squared standard deviations, an anchor that contradicts counted as 25.
+        clear: whether no other company of anchors explains them nearly as well.
     """
 
     turn_rad: float
@@ -54,6 +57,7 @@ class FrameFit:
     agree: BoolArray
     off_m: FloatArray
     cost: float
+    clear: bool = True
 
 
 class WalkAtAnchors:
@@ -70,7 +74,7 @@ class WalkAtAnchors:
         """
         self._centres = walk.xy_m[crumbs].mean(axis=0), anchors_m.mean(axis=0)
         self.here_m, self.there_m = walk.xy_m[crumbs] - self._centres[0], anchors_m - self._centres[1]
-        self._covariance = _drift(walk, crumbs)
+        self._walk, self._crumbs = walk, crumbs
         span_s = max(float(walk.t_s[-1] - walk.t_s[0]), 1.0)
         late_m = _PRESS_S * float(walk.distance_m[-1]) / span_s
         self._variance = np.repeat(sigma_m**2 + late_m**2, 2)
@@ -92,11 +96,46 @@ class WalkAtAnchors:
             usual = [min((wrap_scalar(fit.turn_rad) / _TURNED_RAD) ** 2, _TURNED_MOST) for fit in fits]
             fits = [replace(fit, cost=fit.cost + odd) for fit, odd in zip(fits, usual, strict=True)]
         best = min(fits, key=lambda fit: fit.cost)
+        others = [fit.cost for fit in fits if (fit.agree & ~best.agree).any()]
+        best = replace(best, clear=min(others, default=math.inf) - best.cost > _CLEAR)
         if len(chosen) < len(here):
-            best = self._refined(here, np.arange(len(here)), best, scaled)
+            best = self._rest_judged(here, chosen, best)
         centre = self._centres[0][::-1] if mirrored else self._centres[0]
         shift = best.shift_m + self._centres[1] - best.scale * turned(centre, best.turn_rad)
         return replace(best, mirrored=mirrored, shift_m=shift)
+
+    def cost_if_late(self, fit: FrameFit, late_s: float) -> float:
+        """What a fit would cost if all anchors were told too late by so many seconds."""
+        walk = self._walk
+        xy_m = walk.at(walk.t_s[self._crumbs] - late_s)[:, :2] - self._centres[0]
+        chosen = np.flatnonzero(fit.agree)[:_MOST]
+        shift = fit.shift_m - self._centres[1] + turned(self._centres[0], fit.turn_rad)
+        moved = replace(fit, shift_m=shift)
+        return self._refined(xy_m, chosen, moved, scaled=False).cost
+
+    def _rest_judged(self, here: FloatArray, chosen: IntArray, fit: FrameFit) -> FrameFit:
+        """Of more anchors than are compared with one another, the rest by their neighbours among those that were."""
+        agree, off_m = fit.agree.copy(), fit.off_m.copy()
+        rest = np.setdiff1d(np.arange(len(here)), chosen)
+        trusted = chosen[agree[chosen]]
+        free = np.diag(_FREE[:3] if fit.scale == 1.0 else _FREE)
+        for some in np.array_split(rest, -(-len(rest) // _AT_ONCE)):
+            near = trusted[np.argsort(np.abs(trusted - np.median(some)))[:_NEIGHBOURS]]
+            both = np.concatenate((some, near))
+            known = np.arange(len(both)) >= len(some)
+            off, slope = _against(
+                here[both], self.there_m[both], fit.turn_rad, fit.shift_m, fit.scale, fit.scale != 1.0
+            )
+            whole = self._covariance(both, fit.scale) + slope @ free @ slope.T
+            away, squared = _predicted(whole, off, known)
+            agree[some] = squared[~known] < _CONTRADICTS
+            off_m[some] = fit.scale * np.hypot(*away[~known].T)
+        return replace(fit, agree=agree, off_m=off_m, cost=fit.cost + _CONTRADICTS * float((~agree[rest]).sum()))
+
+    def _covariance(self, which: IntArray, scale: float) -> FloatArray:
+        """(2M, 2M) of the places of these anchors against those of the walk, in its metres."""
+        rows = np.column_stack((2 * which, 2 * which + 1)).ravel()
+        return _drift(self._walk, self._crumbs[which]) + np.diag(self._variance[rows] / scale**2)
 
     def laid(self, turn_rad: float) -> FrameFit:
         """The walk turned by an angle and laid among all anchors by their centre; none of them agrees."""
@@ -129,8 +168,7 @@ class WalkAtAnchors:
 
     def _refined(self, here: FloatArray, chosen: IntArray, fit: FrameFit, scaled: bool) -> FrameFit:
         """Those of ``chosen`` that agree with a frame, and the frame by them, in turns."""
-        rows = np.column_stack((2 * chosen, 2 * chosen + 1)).ravel()
-        walk = self._covariance[np.ix_(rows, rows)] + np.diag(self._variance[rows] / fit.scale**2)
+        walk = self._covariance(chosen, fit.scale)
         here, there, agree = here[chosen], self.there_m[chosen], fit.agree[chosen]
         turn, shift, scale = fit.turn_rad, fit.shift_m, fit.scale
         free = np.diag(_FREE if scaled else _FREE[:3])
