@@ -22,6 +22,7 @@ from fbgraph.estimators.estimates import Residuals
 from fbgraph.front_end.step_track import StepTrack
 
 _BETTER = 15.0  # squared standard deviations by which another kind of frame must explain the anchors better
+_MUCH = 20.0  # that anchors cost which agree one by one, but perhaps not all together
 _OTHER_OFF = 0.25  # of the anchors may contradict it nevertheless
 _UNIT_LEAST = 0.25  # nobody's steps are mis-scaled by more
 _UNITS = {"millimetres": 1000.0, "centimetres": 100.0, "feet": 3.2808, "kilometres": 0.001, "miles": 1 / 1609.3}
@@ -114,16 +115,19 @@ def _anchors_checked(
     fit = walk.fit(compass)
     if fit is None:
         return anchors, None, [], ["the anchors are too near to one another to tell how their frame is turned"]
-    if fit.agree.all() and (late_s := _late_s(walk, fit)):
-        told, anchors = anchors, replace(anchors, t_s=anchors.t_s - late_s)
-        crumbs = anchor_breadcrumbs(anchors, track.t_s)
-        walk = WalkAtAnchors(alone, crumbs, anchors.xy_m, sigma_m)
-        fit = walk.fit(compass) or fit
-        return anchors, frame_of(fit, anchors.xy_m, free=True), [_late(told, late_s)], _turned_note(fit, compass)
-    if fit.agree.all():
+    agreed = fit.agree.all()
+    other = ""
+    if not agreed or fit.cost > _MUCH:
+        other = _other_frame(walk, anchors, fit, crumbs, alone, sigma_m, compass)
+    if agreed and not other:
+        if late_s := _late_s(walk, fit):
+            on_time = replace(anchors, t_s=anchors.t_s - late_s)
+            crumbs = anchor_breadcrumbs(on_time, track.t_s)
+            fit = WalkAtAnchors(alone, crumbs, anchors.xy_m, sigma_m).fit(compass) or fit
+            frame = frame_of(fit, anchors.xy_m, free=True)
+            return on_time, frame, [_late(anchors, late_s)], _turned_note(fit, compass)
         doubts, notes = _turned_or_mirrored(walk, anchors, fit, compass)
         return anchors, frame_of(fit, anchors.xy_m, free=True), doubts, notes
-    other = _other_frame(walk, anchors, fit, crumbs, alone, sigma_m, compass)
     if other or fit.agree.sum() < 2 or not fit.clear:
         # the frame itself is wrong: the walk is not bent at all, and lies among the anchors as well as it can
         fit = _laid(walk, compass)
@@ -231,7 +235,7 @@ def _other_frame(
         kinds.append((on_earth.fit(compass), "latitude and longitude exchanged"))
     best, words = told.cost - _BETTER, ""
     for fit, name in kinds:
-        if fit is None or (~fit.agree).sum() > _OTHER_OFF * count or fit.agree.sum() <= told.agree.sum():
+        if fit is None or (~fit.agree).sum() > _OTHER_OFF * count or fit.agree.sum() < told.agree.sum():
             continue
         off = fit.cost - 25.0 * float((~fit.agree).sum())
         if fit.cost < best and off < max(2.0 * count, 4.0) + 9.0 and (text := name or _kind_of(fit, compass)):

@@ -198,7 +198,7 @@ class WalkAtAnchors:
             scale=scale,
             agree=full,
             off_m=off_m,
-            cost=min(left, _CONTRADICTS) + _CONTRADICTS * float((~agree).sum()) if agree.any() else math.inf,
+            cost=left + _CONTRADICTS * float((~agree).sum()) if agree.any() else math.inf,
         )
 
 

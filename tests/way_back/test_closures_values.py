@@ -6,7 +6,7 @@ import pytest
 from support.by_hand import HALF_A_METRE, match_at, steps_of, way_along
 
 from fbgraph.core.config import ReturnConfig
-from fbgraph.way_back.closures import ClosureMaker
+from fbgraph.way_back.closures import ClosureMaker, beside_m
 from fbgraph.way_back.records import Closure
 from fbgraph.way_back.way_out import Outbound
 
@@ -66,3 +66,39 @@ def test_thresholds_are_those_of_the_configuration() -> None:
     assert [f is not None for f in found] == [True, False, True]
     assert found[0] is not None
     assert (found[0].sigma_along_m, found[0].sigma_across_m) == pytest.approx((2.5, 2.0))
+
+
+def test_nothing_is_tied_once_the_route_was_walked_out_again_for_five_metres() -> None:
+    maker = ClosureMaker(OUTBOUND, CONFIG)
+    for i in range(9):
+        assert maker.advance(100 + i, 0.5, match_at(facing_back=False, steady_m=0.0)) is None
+    assert maker.advance(109, 0.5, match_at()) is not None
+    again = [maker.advance(110 + i, 0.5, match_at(facing_back=False, steady_m=0.0)) for i in range(10)]
+    assert again == [None] * 10
+    assert maker.advance(120, 5.0, match_at()) is None
+
+
+def test_who_has_lingered_at_the_start_may_walk_on_anywhere() -> None:
+    maker = ClosureMaker(OUTBOUND, CONFIG)
+    found = [maker.advance(100 + i, 1.0, match_at(route_m=1.0)) is not None for i in range(8)]
+    assert found == [True, False, False, *[False] * 5]
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 1.5, -1.0])
+def test_how_far_beside_the_way_out_the_way_back_begins(aside_m: float) -> None:
+    corners = [(0.0, 0.0), (30.0, 0.0), *([(30.0, aside_m)] if aside_m else []), (0.0, aside_m)]
+    way = way_along(*corners)
+    turned = int((way.x_m >= 29.99).argmax())
+    assert beside_m(way, turned) == pytest.approx(aside_m, abs=0.1)
+
+
+def test_of_a_way_that_has_hardly_begun_nothing_is_known_beside() -> None:
+    way = way_along((0.0, 0.0), (30.0, 0.0))
+    assert beside_m(way, len(way) - 1) == 0.0
+    assert beside_m(way, 1) == 0.0
+
+
+def test_a_closure_says_how_far_beside_it_is() -> None:
+    found = ClosureMaker(OUTBOUND, CONFIG, across_m=1.4).advance(99, 0.5, match_at(steady_m=10.0))
+    assert found is not None
+    assert found.across_m == 1.4
