@@ -170,13 +170,14 @@ def summary_markdown(summary: dict[str, Any]) -> str:
     told = {"unaided": "nothing", "closed": "its end is its start", "anchored": "anchors"}
     way_back = summary.get("return") or {}
     closures, doubted = way_back.get("closures", 0), way_back.get("closures_doubted", 0)
+    let_go = f", {doubted} doubted" if doubted else ""
     for name, entry in summary["estimators"].items():
         x_m, y_m, _ = (round(value, 1) + 0.0 for value in entry["end_m"])
         row = f"| {LABELS[name]} | {x_m:.1f}, {y_m:.1f} |"
         if "score" in entry:
             s = entry["score"]
             row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {told[s['label']]}"
-            row += f"; found {closures} closures{f', {doubted} doubted' if doubted else ''} |" if closures and name == "smoothed" else " |"
+            row += f"; found {closures} closures{let_go} |" if closures and name == "smoothed" else " |"
         else:
             row += " – | – | – | no truth |"
         lines.append(row)
