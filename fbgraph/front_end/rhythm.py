@@ -7,6 +7,7 @@ leaves alone) and once for its direction (which shows the stride: left is not ri
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -84,39 +85,39 @@ class Rhythm:
     def __init__(self, rate_hz: float) -> None:
         self._every = max(round(rate_hz / _MEAN_HZ), 1)
         self._mean_s = self._every / rate_hz
-        self._samples: LevelledSignals | None = None  # of a frame that is not full
+        self._index: IntArray = np.empty(0, dtype=np.int64)  # of samples of a frame that is not full
+        self._samples = np.empty((0, 5))
         self._windows = _Windows(self._mean_s)
 
     def push(self, signals: LevelledSignals) -> Frames:
         """The frames that these samples fill."""
         if len(signals) == 0:
             return no_frames()
-        known = signals if self._samples is None else LevelledSignals.concatenate([self._samples, signals])
-        cuts = np.flatnonzero(np.diff(known.index) > 1) + 1
-        out = [no_frames()]
-        for lo, hi in zip([0, *cuts.tolist()], [*cuts.tolist(), len(known)], strict=True):
+        columns = (signals.acc_norm_m_s2[:, None], signals.acc_n_m_s2, signals.tilt_rate_rad_s[:, None])
+        index = np.concatenate((self._index, signals.index))
+        samples = np.concatenate((self._samples, np.concatenate(columns, axis=1)))
+        out, frame = [no_frames()], self._every * _EACH
+        cuts = [0, *(np.flatnonzero(index[1:] - index[:-1] > 1) + 1).tolist(), len(index)]
+        for lo, hi in itertools.pairwise(cuts):
             if lo:
                 self._windows = _Windows(self._mean_s)
             # frames end where the grid index is a multiple, however the samples come
-            frame = self._every * _EACH
-            first = lo + int(-known.index[lo] % frame)
+            first = lo + int(-index[lo] % frame)
             full = first + max((hi - first) // frame, 0) * frame
             for at in range(first, full, _BLOCK * self._every):
-                out.append(self._frames(known, at, min(at + _BLOCK * self._every, full)))
-            self._samples = known.tail(len(known) - full) if full < len(known) else None
-        return Frames.concatenate(out)
+                end = min(at + _BLOCK * self._every, full)
+                out.append(self._frames(index[at:end], samples[at:end]))
+        self._index, self._samples = index[full:], samples[full:]
+        return Frames.concatenate(out) if len(out) > 1 else out[0]
 
-    def _frames(self, signals: LevelledSignals, lo: int, hi: int) -> Frames:
-        def means(values: FloatArray) -> FloatArray:
-            columns = values[lo:hi].reshape(-1, self._every, *values.shape[1:])
-            total = columns[:, 0].copy()
-            for i in range(1, self._every):
-                total += columns[:, i]
-            return np.asarray(total / self._every)
-
-        index = signals.index[lo + self._every * _EACH - 1 : hi : self._every * _EACH]
-        acc = np.column_stack((means(signals.acc_norm_m_s2), means(signals.acc_n_m_s2)))
-        return self._windows.push(index, acc, means(signals.tilt_rate_rad_s))
+    def _frames(self, index: IntArray, samples: FloatArray) -> Frames:
+        """Of samples that fill them."""
+        parts = samples.reshape(-1, self._every, samples.shape[1])
+        total = parts[:, 0].copy()
+        for i in range(1, self._every):
+            total += parts[:, i]
+        means = total / self._every
+        return self._windows.push(index[self._every * _EACH - 1 :: self._every * _EACH], means[:, :4], means[:, 4])
 
 
 class _Windows:

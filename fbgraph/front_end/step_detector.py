@@ -28,6 +28,7 @@ _SWUNG_RAD_S = 0.8  # and of one on a limb
 _CARRIED_RAD_S = 0.5  # mean tilting of a device that is held, not swung
 _HELD_BACK_S, _REMEMBERED_S = 10.0, LOOK_BACK_S - 1.0  # tops that a run may yet confirm; how far back a step may begin
 _LONG_AFTER_S = 60.0
+_FRAMES_KEPT = int(2.0 * LOOK_BACK_S / FRAME_S)
 _FILL_S = 0.4  # of a shorter period the half cannot be told from the whole
 _BOUT_INTERVAL_S = (0.4, 1.1)
 _BOUT_TILT_RAD_S = 0.5
@@ -73,7 +74,7 @@ class StepDetector:
         self._smooth = WindowMoments(1, smoothing), WindowMoments(1, 2 * smoothing)
         self._delay = (smoothing - 1) // 2, (2 * smoothing - 1) // 2  # of a moving average over the past
         window = max(round(config.window_s * rate_hz), 1)
-        self._window = WindowMoments(1, window), WindowMoments(1, window)
+        self._window = WindowMoments(2, window)
         self._rhythm = Rhythm(rate_hz)
         self._past = _Past()
         self._pending: list[_Top] = []
@@ -87,9 +88,9 @@ class StepDetector:
             return []
         acc = signals.acc_norm_m_s2[:, None]
         smooth = np.column_stack([average.push(acc)[0] for average in self._smooth])
-        moments = [window.push(smooth[:, i : i + 1]) for i, window in enumerate(self._window)]
-        sigma = np.sqrt(np.column_stack([variance for _, variance, _ in moments]))
-        threshold = np.column_stack([mean for mean, _, _ in moments]) + self._config.lambda_sigma * sigma
+        mean, variance, _ = self._window.push(smooth)
+        sigma = np.sqrt(variance)
+        threshold = mean + self._config.lambda_sigma * sigma
         past = self._past.extend(signals, smooth, threshold, sigma, self._rhythm.push(signals))
         runs: list[list[Peak]] = []
         value = past.smooth
@@ -299,8 +300,9 @@ class _Past:
         self.yaw = np.concatenate((self.yaw, signals.yaw_gyro_rad))
         self.level = np.concatenate((self.level, signals.acc_n_m_s2[:, :2]))
         self.tilt_rate = np.concatenate((self.tilt_rate, signals.tilt_rate_rad_s))
-        self.frames = Frames.concatenate([self.frames, frames])
-        self.steady = np.concatenate((self.steady, self._steadiness(frames)))
+        if len(frames):
+            self.frames = Frames.concatenate([self.frames, frames])
+            self.steady = np.concatenate((self.steady, self._steadiness(frames)))
         slow = self.frames.single & (self.frames.period_s > _SLOW_S) & (self.frames.strength > _FILLED)
         at = np.searchsorted(self.frames.index, signals.index, side="right") - 1
         self.slow = np.concatenate((self.slow, (at >= 0) & np.append(slow, False)[at]))
@@ -357,4 +359,5 @@ class _Past:
         self.index, self.yaw, self.tilt_rate = self.index[-count:], self.yaw[-count:], self.tilt_rate[-count:]
         self.smooth, self.threshold, self.sigma = self.smooth[-count:], self.threshold[-count:], self.sigma[-count:]
         self.slow, self.level = self.slow[-count:], self.level[-count:]
-        self.frames, self.steady = self.frames.tail(count), self.steady[-count:]
+        if len(self.frames) > 2 * _FRAMES_KEPT:
+            self.frames, self.steady = self.frames.tail(_FRAMES_KEPT), self.steady[-_FRAMES_KEPT:]
