@@ -1,7 +1,8 @@
 """Anchors while walking: each when its time has come, and the frame that they make known.
 
-The walk is solved in its own frame, which begins at the origin. The first anchor tells where that lies in the frame of
-the anchors; until two of them tell how it is turned as well, none bends the walk.
+The walk is solved in its own frame, which begins at the origin. Until the first anchor is passed, the walk is shown as
+if it began there: somewhere within a walk of it. The first anchor tells where it did; until two of them tell how their
+frame is turned as well, none bends the walk.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.geometry import FloatArray, turned
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
-from fbgraph.estimators.aid_factors import anchor_factor, anchor_sigma_m
+from fbgraph.estimators.aid_factors import anchor_factor, anchor_sigma_m, anchors_centre
 from fbgraph.estimators.aided import frame_of
 from fbgraph.estimators.anchor_frame import WalkAtAnchors
 from fbgraph.front_end.step_track import Step
@@ -39,6 +40,8 @@ class OnlineAnchors:
         self._crumbs: list[int] = []
         self._decided = False
         self.frame: AnchorFrame | None = None
+        if anchors is not None and len(anchors):  # until the first is passed, the walk begins there, give or take
+            self.frame = AnchorFrame(0.0, 0.0, 0.0, anchors_centre(anchors), free=False)
 
     def due(
         self, steps: Sequence[Step], walk: Trajectory, first: int, compass: bool
