@@ -17,7 +17,7 @@ from fbgraph.front_end.step_length import flat_length_m
 from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step
 
 _USUAL_HZ = (1.1, 2.4)  # cadences at which step lengths were measured; nobody knows the runner's and the groper's
-_UNUSUAL_DOUBT = 0.2
+_UNUSUAL_DOUBT = 0.25
 _LIMB_BOUNCE_M_S2 = 12.0  # a limb swings more than its wearer bounces
 _SHARED_DOUBT_M = 20.0  # steps of a stretch share their doubt until it is this large
 _AT_ONCE_S = 1.2  # whose first step ends within it was walking as the log began, or set out with it

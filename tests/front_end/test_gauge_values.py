@@ -276,7 +276,7 @@ def test_a_stretch_shares_its_doubt_up_to_twenty_metres() -> None:
 def test_nobody_knows_the_length_of_steps_at_unusual_cadences(interval: int, doubtful: bool) -> None:
     config = CONFIG.model_copy(update={"kappa": 0.0})
     step = gauged(levelled(1200), Peak(1000 + interval, 1000, True), config=config)[1]
-    assert step.doubt_m == pytest.approx(0.2 * step.length_m if doubtful else 0.0)
+    assert step.doubt_m == pytest.approx(0.25 * step.length_m if doubtful else 0.0)
 
 
 def test_a_length_that_shrinks_with_cadence_does_not_vanish_in_a_run() -> None:
