@@ -21,6 +21,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--walks", type=int, default=2000)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
+    parser.add_argument("--part", type=int, default=1, help="every so manieth seed only; the tests take every tenth")
     parser.add_argument("--kind", default="", help="only walks of this kind")
     parser.add_argument("--only", type=int, help="one seed, in full")
     parser.add_argument("--processes", type=int, default=2)
@@ -29,7 +30,7 @@ def main() -> None:
     if given.only is not None:
         print(json.dumps(asdict(judged(given.only, given.kind)), indent=1, ensure_ascii=False))
         return
-    seeds = range(given.first, given.first + given.walks)
+    seeds = range(given.first, given.first + given.walks, given.part)
     with multiprocessing.get_context("spawn").Pool(given.processes) as pool:
         walks = pool.map(partial(judged, only=given.kind), seeds, chunksize=4)
     print(table(walks))

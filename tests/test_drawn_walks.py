@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from judged_walks import Judged, ellipse_sigmas, errors_m, figures, judged, row, share
+from judged_walks import KINDS, Judged, ellipse_sigmas, errors_m, figures, judged, row, share
 from support.simulated import perfect
 from support.trajectories import trajectory
 
@@ -14,6 +14,34 @@ from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Integrity
 from fbgraph.integrity.assess import Assessment
 from fbgraph.integrity.evidence import Evidence
+
+TENTH = range(0, 2000, 10)
+
+
+@pytest.fixture(scope="module")
+def tenth() -> list[Judged]:
+    return [judged(seed) for seed in TENTH]
+
+
+class TestTenth:
+    def test_truth_is_in_the_ellipses_of_sound_walks(self, tenth: list[Judged]) -> None:
+        found = figures(tenth)
+        assert 0.90 <= found["inside"] <= 0.99
+        assert found["inside_z"] >= 0.90
+
+    def test_no_sound_walk_is_far_from_its_truth(self, tenth: list[Judged]) -> None:
+        assert figures(tenth)["beyond"] <= 0.01
+
+    def test_nothing_is_doubted_where_nothing_is_wrong(self, tenth: list[Judged]) -> None:
+        assert figures(tenth)["alarms"] <= 0.01
+
+    def test_sound_walks_are_worth_something(self, tenth: list[Judged]) -> None:
+        quiet = [walk for walk in tenth if walk.kind in ("undisturbed", "other cadence", "out and back")]
+        assert len(quiet) >= 30
+        assert np.median([walk.sigma_m for walk in quiet]) < 6.0
+
+    def test_every_kind_is_drawn(self, tenth: list[Judged]) -> None:
+        assert {walk.kind for walk in tenth} == {kind.name for kind in KINDS}
 
 
 def walk_of(seed: int, verdict: str, **changes: Any) -> Judged:
