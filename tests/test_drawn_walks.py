@@ -26,7 +26,7 @@ def tenth() -> list[Judged]:
 class TestTenth:
     def test_truth_is_in_the_ellipses_of_sound_walks(self, tenth: list[Judged]) -> None:
         found = figures(tenth)
-        assert 0.90 <= found["inside"] <= 0.99
+        assert 0.90 <= found["inside"] <= 0.98
         assert found["inside_z"] >= 0.90
 
     def test_no_sound_walk_is_far_from_its_truth(self, tenth: list[Judged]) -> None:
