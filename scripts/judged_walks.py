@@ -146,8 +146,8 @@ def longest_m(smoothed: Trajectory) -> float:
 def table(walks: Sequence[Judged]) -> str:
     """A line a kind; seeds of what was missed, to run again with ``--only``."""
     lines = [
-        "| kind | walks | sound | doubtful | withheld | median, worst σ of the sound | worst σ_z | inside 95 % | nearly |"
-        " in z | sound beyond 4σ: seeds | doubtful beyond 4σ: seeds |",
+        "| kind | walks | sound | doubtful | withheld | median, worst σ of the sound | worst σ_z | inside 95 % |"
+        " nearly | in z | sound beyond 4σ: seeds | doubtful beyond 4σ: seeds |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for kind in KINDS:
