@@ -27,7 +27,8 @@ def partly(rng: Generator, walker: Walker, low_m: float, high_m: float, said: st
     heading /= np.hypot(*heading)
     out = first[-1] + rng.uniform(low_m, high_m) * heading
     before = last[1] / np.hypot(*last[1])
-    turn = np.array([(before @ heading, -np.cross(before, heading)), (np.cross(before, heading), before @ heading)])
+    cos, sin = before @ heading, before[0] * heading[1] - before[1] * heading[0]
+    turn = np.array([(cos, -sin), (sin, cos)])
     points = [*first, out, *(out + last[1:] @ turn.T)]
     walk = walked(rng, path(points, {2: 1.0, 3: 1.0}), gaits={2: walker, 3: Walker()})
     return Case(walk, f"{np.hypot(*(out - first[-1])):.0f} m {said}")
