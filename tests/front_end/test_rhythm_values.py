@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from support.made_signals import G, levelled
 
+from fbgraph.core.config import StepsConfig
 from fbgraph.core.geometry import FloatArray
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rhythm import FRAME_S, Frames, Rhythm
+from fbgraph.front_end.step_detector import StepDetector
 
 NAMES = ("index", "period_s", "strength", "stride", "single", "breadth", "moved_m_s2", "swing_rad_s")
 
@@ -78,11 +80,26 @@ def test_breadth_is_none_on_one_line_and_two_thirds_where_all_directions_are_ali
     assert np.median(frames.breadth[50:]) == pytest.approx(2.0 / 3.0, abs=0.05)
 
 
+def test_who_moves_on_one_line_does_not_walk() -> None:
+    """However the device turns meanwhile; with a push across it is somebody's gait."""
+    wave = 2.0 * np.cos(2 * np.pi * 2.0 * np.arange(1500) / 100.0)
+    across = np.roll(0.3 * wave, 12)
+
+    def tops(signals: LevelledSignals) -> int:
+        return sum(len(run) for run in StepDetector(StepsConfig(), 100.0).push(signals))
+
+    assert tops(moving(wave, 0.5 * wave, tilt_rate_rad_s=0.3)) == 0
+    assert tops(moving(wave, across, tilt_rate_rad_s=0.3)) > 25
+    assert tops(moving(wave, across, tilt_rate_rad_s=0.02)) == 0  # no hand is so still that moves so much
+    assert tops(moving(wave, across, tilt_rate_rad_s=0.0)) > 25  # but a dead gyroscope is
+
+
 def test_a_frame_is_told_every_sixteenth_sample_by_the_samples_up_to_it() -> None:
     signals = gait(1.8)
     frames = Rhythm(100.0).push(signals)
     assert frames.index.tolist() == list(range(15, 1200, 16))
     assert FRAME_S == 0.16
+    assert set(Rhythm(100.0).push(gait(1.8, first=13)).index % 16) == {15}  # wherever a log begins
     part = Rhythm(100.0).push(signals.head(800))
     assert all(np.array_equal(getattr(part, name), getattr(frames, name)[: len(part)]) for name in NAMES)
 
