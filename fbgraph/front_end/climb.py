@@ -36,6 +36,7 @@ _CREEP_M_S = 0.05  # a ride begins and ends gently
 _RIDE_M_S, _RIDE_S = 0.9, 4.0  # who climbs faster for so long does not do it by the steps seen meanwhile
 _REST_S = 1800.0  # of a longer rest only the end is looked at
 _AIR_M_S = 5.0  # nobody is carried faster
+_STRIDE = 2.0  # steps
 _CADENCE_STEPS = 8  # a slow last step belongs to a climb that the faster ones before it made
 
 
@@ -99,7 +100,8 @@ class ClimbGauge:
         climb_m_s, gusty = self._climb_m_s(peak.index), self._gusts(peak.index)
         legs_m_s = min(_LEGS_M_S, _LEGS_M * max(self._frequencies_hz))
         slope = 0.0
-        if self._length.min_climb_m_s < abs(climb_m_s) <= legs_m_s and not gusty:  # never when it is nan
+        resolved = peak.count <= _STRIDE  # else nobody saw the steps that might have climbed
+        if self._length.min_climb_m_s < abs(climb_m_s) <= legs_m_s and resolved and not gusty:  # never when it is nan
             level_m = max(flat_length_m(self._length, frequency_hz, bounce_m_s2), self._length.shortest_m)
             slope = abs(climb_m_s) / (level_m * frequency_hz)
         carried_m = blown_m = 0.0
@@ -156,9 +158,7 @@ class ClimbGauge:
 
     def _climb_m_s(self, index: int) -> float:
         """Rate of a steady climb or descent over the last seconds; nan if there is none."""
-        altitude_m = self._before(index, _SLOPE_S + 1.0)
-        leaps = np.flatnonzero(self._leaps(altitude_m))
-        window = altitude_m[leaps[-1] + 1 if len(leaps) else 0 :][-self._samples(_SLOPE_S) :]
+        window = self._before(index, _SLOPE_S)
         if len(window) < self._samples(_SLOPE_AT_LEAST_S):
             return math.nan
         third = len(window) // 3

@@ -77,6 +77,19 @@ def test_a_leap_of_pressure_is_no_slope(height_m: float, lasts_s: float) -> None
     assert all(one.carried_m == 0.0 for one in air.values())
 
 
+@pytest.mark.parametrize(("count", "slope"), [(2.0, 0.25), (10.0, 0.0)])
+def test_where_no_step_was_seen_there_is_no_slope(count: float, slope: float) -> None:
+    gauge = ClimbGauge(CONFIG, 100.0)
+    gauge.push(levelled(3000, altitude_m=300.0 + stairs(np.arange(3000) / 100.0)))
+    assert gauge.judge(Peak(2650, 2550, True, count=count), 302.0, 2.0, 5.0, True).slope == pytest.approx(slope)
+
+
+def test_doors_on_the_way_do_not_hide_the_stairs() -> None:
+    doors = walked(lambda t: stairs(t) + 4.0 * ((t > 5.0) & (t < 6.5)) + 4.0 * ((t > 9.0) & (t < 10.5)))
+    assert not any(one.gusty for one in doors.values())
+    assert slopes(doors, 25.0, 27.5) == pytest.approx([0.25] * 6)
+
+
 @pytest.mark.parametrize("period_s", [3.0, 6.0, 10.0, 20.0])
 def test_gusts_are_known_after_their_second_turn(period_s: float) -> None:
     """A wind of 7 m/s: 1.25 m of altitude either way."""
@@ -134,7 +147,9 @@ def test_who_rises_without_steps_is_carried(rise_m: float, speed_m_s: float, chu
         (lambda t: 0.005 * np.clip(t - 25.0, 0.0, 600.0), 3.0),  # the weather
         (lambda t: 3.0 * (t > 40.0), 3.0),  # a door opened, and left open
         (lambda t: 8.4 * ((t > 40.0) & (t < 44.0)), 0.0),  # and one closed again
+        (lambda t: 4.0 * -np.expm1(-np.maximum(t - 40.0, 0.0) / 0.5), 4.0),  # one that opened with a rush
         (lambda t: 3.0 * np.sin(t / 3.0) * ((t > 60.0) & (t < 60.0 + 30.0 * math.pi)), 0.0),  # gusts
+        (lambda t: 3.0 * np.sin(np.clip(t / 3.0, 20.0 * math.pi, 30.5 * math.pi)), 3.0),  # that end at their height
         (lambda t: lift(6.0, 40.0, 1.0)(t) - lift(6.0, 300.0, 1.0)(t), 0.0),  # up and down again
     ],
 )
