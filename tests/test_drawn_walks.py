@@ -81,12 +81,13 @@ class TestJudging:
             walk_of(2, "sound", worst_z_sigma=4.1),
             walk_of(3, "doubtful", worst_sigma=50.0, inside=0.0),
             walk_of(4, "withheld", quiet=False),
+            walk_of(5, "withheld", quiet=False),
         ]
         found = figures(walks)
         assert found["inside"] == pytest.approx(0.95)
         assert found["beyond"] == pytest.approx(1 / 2)
         assert found["alarms"] == pytest.approx(1 / 3)
-        assert row("all", walks).split("|")[1:6] == [" all ", " 4 ", " 2 ", " 1 ", " 1 "]
+        assert row("all", walks).split("|")[1:6] == [" all ", " 5 ", " 2 ", " 1 ", " 2 "]
         assert row("all", walks).endswith("| 1: 2 | 1: 3 |")
 
     def test_a_walk_that_believes_itself_too_much_is_found_out(self, monkeypatch: pytest.MonkeyPatch) -> None:
