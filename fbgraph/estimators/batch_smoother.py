@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, I, X, Z
+from gtsam.symbol_shorthand import B, I, L, X, Z
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import Config, GraphConfig, SolverConfig
@@ -90,6 +90,8 @@ def _smoothed(
     errors, tied = np.empty(0), _Tied(tuple(closures))
     for _ in range(_PASSES):
         graph, values = build_graph(track, near, heading, graph_config, aids)
+        if tied.weighed is not None:
+            values.insert(L(0), tied.aside_m)
         solved, trajectory = _solved(track, near, graph, values, tied, graph_config, solver_config, aids)
         errors = np.concatenate((errors[:-1], solved.errors))
         heading = _heading_of(heading, solved.values, trajectory)
@@ -118,10 +120,11 @@ def _smoothed(
 
 @dataclass
 class _Tied:
-    """Closures, and what the first solution left of each."""
+    """Closures, what the first solution left of each, and how far beside the way out the latest has the way back."""
 
     closures: tuple[Closure, ...]
     weighed: WeighedClosures | None = None
+    aside_m: float = 0.0
 
 
 def _composed(track: StepTrack, seed: Trajectory, heading: HeadingSolution) -> Trajectory:
@@ -156,6 +159,8 @@ def _solved(
             if tied.weighed is not None:
                 tied.weighed.add_to(whole, start)
             solved = _on_deep_stack(partial(_solve, whole, start, solver_config, by_qr), len(track))
+            if tied.weighed is not None:
+                tied.aside_m = solved.values.atDouble(L(0))
             return solved, _trajectory_of(track, near, solved, graph_config, aids.direction_known)
         except RuntimeError as error:
             failure = error

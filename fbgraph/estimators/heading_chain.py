@@ -24,6 +24,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from fbgraph.core.config import GraphConfig
+from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, IntArray, wrap_angle
 from fbgraph.estimators.compass import (
     CompassReadings,
@@ -53,7 +54,7 @@ class HeadingSolution:
     Attributes:
         yaw_rad: (K+1,) walking direction, unwrapped.
         bias_rad_s: (K+1,) gyroscope bias about the vertical.
-        gyro_scale: by how much the gyroscope shows too little of a turn; 0.01 is one percent.
+        gyro_scale: share by which the gyroscope shows too much of a turn; 0.01 is one percent.
         iron_ut: (J, 3) hard iron and usual horizontal strength of each stretch between recalibrations.
         stretch: (K+1,) which stretch each breadcrumb belongs to.
         jumps_ut: (J-1, 3) by how much the iron jumped between them.
@@ -82,6 +83,9 @@ def solve_heading(track: StepTrack, seeds: list[tuple[FloatArray, FloatArray]], 
         config: weights of the graph.
 
     Where the magnetometer's zero seems to have jumped, the walk is tried with and without: what explains it better.
+
+    Raises:
+        EstimationError: there is no finite answer.
     """
     chains = [HeadingChain(track, config, jumps=True), HeadingChain(track, config, jumps=False)]
     tried = [
@@ -266,8 +270,15 @@ class _System:
         return 0.5 * (residual / sigma) ** 2
 
     def solved(self) -> tuple[FloatArray, FloatArray]:
-        """The step of the banded and of the shared unknowns."""
-        parts = solveh_banded(self._band, np.column_stack((self._right, self._mixed)), lower=True)
-        schur = self._shared - self._mixed.T @ parts[:, 1:]
-        shared = np.linalg.solve(schur, self._shared_right - self._mixed.T @ parts[:, 0])
+        """The step of the banded and of the shared unknowns.
+
+        Raises:
+            EstimationError: there is none, or it is not finite.
+        """
+        try:
+            parts = solveh_banded(self._band, np.column_stack((self._right, self._mixed)), lower=True)
+            schur = self._shared - self._mixed.T @ parts[:, 1:]
+            shared = np.linalg.solve(schur, self._shared_right - self._mixed.T @ parts[:, 0])
+        except ValueError as error:  # NumPy's LinAlgError is one
+            raise EstimationError(f"the smoother failed at the headings: {error}") from error
         return parts[:, 0] - parts[:, 1:] @ shared, np.asarray(shared, dtype=np.float64)

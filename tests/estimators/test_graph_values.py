@@ -6,14 +6,16 @@ from typing import Any
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import B, D, X, Z
+from gtsam.symbol_shorthand import B, D, I, X, Z
 from support.factors import Array, factors_of, graph_of, is_robust, make_step, sigmas_of, stand, the_factor, values_at
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import GraphConfig
 from fbgraph.estimators.factor_graph import heading_factor
+from fbgraph.estimators.gyroscope import GyroTurn
 from fbgraph.estimators.node import Node
+from fbgraph.front_end.step_track import Step
 
 CONFIG = GraphConfig(
     sigma_length_rel=0.1,
@@ -125,45 +127,64 @@ def test_across_a_gap_the_gyroscope_says_nothing_of_the_turn() -> None:
 def test_the_bias_walks_with_the_square_root_of_time() -> None:
     graph = graph_of([stand(yaw_s=0.2), make_step(yaw_s=1.2), make_step(yaw_s=5.2)], CONFIG)
     for k, sigma in ((1, 3e-4), (2, 6e-4)):
-        factor = the_factor(graph, "BetweenFactorDouble", B(k - 1), B(k))
-        assert sigmas_of(factor) == pytest.approx([sigma])
+        factor = the_factor(graph, "BetweenFactorVector", B(k - 1), B(k))
+        assert sigmas_of(factor) == pytest.approx([sigma, 1e-5])  # the scale stays as it is
         assert not is_robust(factor)
     values = values_at(START, (0, 0, 0, 0, 0.002), (0, 0, 0, 0, 0.005))
-    assert factor.unwhitenedError(values) == pytest.approx([0.003])
+    assert factor.unwhitenedError(values) == pytest.approx([0.003, 0.0])
 
 
 def test_two_steps_at_one_time_still_have_a_bias_walk() -> None:
-    factor = the_factor(graph_of([stand(yaw_s=1.0), make_step(yaw_s=1.0)], CONFIG), "BetweenFactorDouble", B(0), B(1))
-    assert sigmas_of(factor) == pytest.approx([3e-4 * math.sqrt(1e-3)])
+    factor = the_factor(graph_of([stand(yaw_s=1.0), make_step(yaw_s=1.0)], CONFIG), "BetweenFactorVector", B(0), B(1))
+    assert sigmas_of(factor)[0] == pytest.approx(3e-4 * math.sqrt(1e-3))
 
 
 def test_a_rest_measures_the_bias_of_the_step_after_it() -> None:
     rest = {"rest_s": 4.0, "rest_rate_rad_s": 0.012, "rest_sigma_rad_s": 5e-4}
     graph = graph_of([stand(), make_step(**rest), make_step()], CONFIG)
-    factor = the_factor(graph, "PriorFactorDouble", B(1))
-    assert sigmas_of(factor) == pytest.approx([5e-4])
-    assert not is_robust(factor)
-    assert factor.unwhitenedError(values_at(START, (0, 0, 0, 0, 0.013))) == pytest.approx([0.001])
-    assert factors_of(graph, "PriorFactorDouble", B(2)) == []
+    factor = the_factor(graph, "LinearContainerFactor", B(1))
+    assert error_at(factor, START, (0, 0, 0, 0, 0.013)) == pytest.approx(0.5 * 2.0**2)
+    assert factors_of(graph, "LinearContainerFactor", B(2)) == []
+
+
+USUAL_UT = 48.0 * math.cos(1.1)
+NO_IRON = (0.0, 0.0, USUAL_UT)
+
+
+def compass_of(step: Step, yaw_rad: float) -> Any:
+    """The compass factor of one step, made where the walk goes in this direction."""
+    nodes = [Node(0.0, 0.0, 0.0, yaw_rad, 0.0)] * 2
+    return the_factor(graph_of([stand(), step], CONFIG, nodes=nodes), "LinearContainerFactor", X(1), I(0))
+
+
+def compass_sigma(factor: Any) -> float:
+    """By how much yaw may be off, by the factor's derivative."""
+    linear = factor.linearize(values_at(START, START, iron_ut=NO_IRON))
+    return 1.0 / float(linear.augmentedJacobian()[0, 2])
 
 
 def test_the_compass_is_believed_once_per_correlation_length() -> None:
     """N steps know as much as N (1 - a) / (1 + a) free ones, with a = exp(-0.7 / 6): √coth(0.7 / 12)."""
     step = make_step(length_m=0.7, yaw_mag_rad=0.5, mag_norm_ut=48.0, mag_dip_rad=1.1)
-    factor = the_factor(graph_of([stand(), step], CONFIG), "PoseRotationPrior2D", X(1))
-    assert sigmas_of(factor) == pytest.approx([0.2 * 4.1427403], rel=1e-6)  # √(1.8898818 / 0.1101182)
-    assert factor.unwhitenedError(values_at(START, (7, 8, 0, 0.8, 0))) == pytest.approx([0.3])
-    # Huber: beyond 1.5 * 0.2 rad, whatever the inflation, it grows linearly: c (d - c / 2) with c = 1.5 / 4.1427403
-    c, sigma = 1.5 / 4.1427403, 0.2 * 4.1427403
-    assert error_at(factor, START, (0, 0, 0, 0.5 + 0.29, 0)) == pytest.approx(0.5 * (0.29 / sigma) ** 2, rel=1e-5)
-    assert error_at(factor, START, (0, 0, 0, 1.5, 0)) == pytest.approx(c * (1.0 / sigma - c / 2), rel=1e-5)
+    factor, sigma = compass_of(step, 0.8), 0.2 * 4.1427403  # √(1.8898818 / 0.1101182)
+    assert compass_sigma(factor) == pytest.approx(sigma, rel=1e-6)
+    for yaw_rad, off in ((0.79, 0.29), (0.5, 0.0), (0.0, -0.5)):
+        values = values_at(START, (7, 8, 0, yaw_rad, 0), iron_ut=NO_IRON)
+        assert factor.error(values) == pytest.approx(0.5 * (off / sigma) ** 2, abs=1e-9)
+
+
+def test_a_compass_far_off_is_weighed_where_it_was_made() -> None:
+    """Huber's loss bends 1.5 * 0.2 rad from the reading, whatever the inflation: w r is its slope."""
+    step = make_step(length_m=0.7, yaw_mag_rad=0.5, mag_norm_ut=48.0, mag_dip_rad=1.1)
+    usual = compass_sigma(compass_of(step, 0.5))
+    for yaw_rad, weight in ((0.79, 1.0), (1.1, 0.5), (1.7, 0.25), (-1.0, 0.2)):
+        assert compass_sigma(compass_of(step, yaw_rad)) == pytest.approx(usual / math.sqrt(weight))
 
 
 def test_a_compass_step_on_the_spot_counts_as_five_centimetres() -> None:
     step = make_step(length_m=0.0, yaw_mag_rad=0.5, mag_norm_ut=48.0, mag_dip_rad=1.1)
-    factor = the_factor(graph_of([stand(), step], CONFIG), "PoseRotationPrior2D", X(1))
     a = math.exp(-0.05 / 6.0)
-    assert sigmas_of(factor) == pytest.approx([0.2 * math.sqrt((1 + a) / (1 - a))])
+    assert compass_sigma(compass_of(step, 0.5)) == pytest.approx(0.2 * math.sqrt((1 + a) / (1 - a)))
 
 
 def test_an_unusual_field_weakens_the_compass() -> None:
@@ -171,13 +192,34 @@ def test_an_unusual_field_weakens_the_compass() -> None:
     stronger = make_step(yaw_mag_rad=0.0, mag_norm_ut=78.0, mag_dip_rad=1.0)
     steeper = make_step(yaw_mag_rad=0.0, mag_norm_ut=48.0, mag_dip_rad=1.5)
     graph = graph_of([stand(), usual, usual, usual, stronger, steeper], CONFIG)
-    sigma = [sigmas_of(the_factor(graph, "PoseRotationPrior2D", X(k)))[0] for k in range(1, 6)]
+    values = values_at(*[START] * 6, iron_ut=NO_IRON)
+    sigma = [
+        1.0
+        / float(the_factor(graph, "LinearContainerFactor", X(k), I(0)).linearize(values).augmentedJacobian()[0, 2])
+        for k in range(1, 6)
+    ]
     # 1 + (30 µT / 20 µT)² = 3.25 and 1 + (0.5 rad / 0.5 rad)² = 2
     assert np.array(sigma) / sigma[0] == pytest.approx([1.0, 1.0, 1.0, math.sqrt(3.25), math.sqrt(2.0)])
 
 
+def test_iron_in_the_device_turns_the_compass_and_strengthens_the_field() -> None:
+    """Facing north of a field of 21.8 µT: 2 µT to the left turn the reading by 92 mrad, ahead they add to it."""
+    step = make_step(length_m=0.7, yaw_mag_rad=0.0, mag_norm_ut=48.0, mag_dip_rad=1.1)
+    factor, sigma = compass_of(step, 0.0), 0.2 * 4.1427403
+    for iron_ut, row in (
+        ((2.0, 0.0, USUAL_UT), (0.0, -2.0 / USUAL_UT)),
+        ((0.0, 2.0, USUAL_UT), (-2.0 / USUAL_UT, 0.0)),
+        ((0.0, 0.0, USUAL_UT + 2.0), (0.0, -2.0 / USUAL_UT)),
+    ):
+        error = factor.error(values_at(START, START, iron_ut=iron_ut))
+        assert error == pytest.approx(0.5 * float(np.square(row).sum()) / sigma**2)
+        right = factor.linearize(values_at(START, START, iron_ut=iron_ut)).augmentedJacobian()[:, -1]
+        assert np.allclose(-right, np.array(row) / sigma)
+
+
 def test_without_a_compass_there_is_none() -> None:
-    assert factors_of(graph_of([stand(), make_step()], CONFIG), "PoseRotationPrior2D", X(1)) == []
+    graph = graph_of([stand(), make_step()], CONFIG)
+    assert all(gtsam.Symbol(key).chr() != ord("i") for key in graph.keyVector())
 
 
 def test_the_barometer_measures_from_the_isobar_of_the_start() -> None:
@@ -241,14 +283,15 @@ def test_every_factor_is_linearised_with_its_numerical_derivatives() -> None:
     rest = {"rest_s": 4.0, "rest_rate_rad_s": 0.012, "rest_sigma_rad_s": 5e-4}
     steps = [stand(altitude_m=300.0), make_step(yaw_mag_rad=0.5, yaw_gyro_rad=0.4, **field, **rest)]
     graph = graph_of(steps, CONFIG)
-    values = values_at((0.1, 0.2, 0.1, 0.3, 0.01), (0.6, 0.5, 0.15, 0.6, 0.02, 0.05))  # where no robust loss bites
+    # where no robust loss bites
+    values = values_at((0.1, 0.2, 0.1, 0.3, 0.01), (0.6, 0.5, 0.15, 0.6, 0.02, 0.05), iron_ut=(1.0, -2.0, 21.0))
     h = 1e-6
     for i in range(graph.size()):
         factor = graph.at(i)
         linear = factor.linearize(values)
         jacobian, at = np.array(linear.augmentedJacobian()), 0
         for key in linear.keys():  # noqa: SIM118  a factor is no mapping
-            width = 3 if key in (X(0), X(1)) else 1
+            width = 3 if key in (X(0), X(1), I(0)) else 2 if key in (B(0), B(1)) else 1
             for axis in range(width):
                 delta = gtsam.VectorValues()
                 delta.insert(key, h * np.eye(width)[axis])
@@ -261,11 +304,14 @@ def test_every_factor_is_linearised_with_its_numerical_derivatives() -> None:
 
 def test_the_heading_factor_pulls_the_way_the_gyroscope_says() -> None:
     """Its right-hand side is the negative whitened error, with derivatives -1, +1 and Δt over sigma."""
-    factor = heading_factor(3, 0.35, 0.6, 0.02, Node(0, 0, 0, 0.4, 0.01), Node(0, 0, 0, 0.1, 0.0))
+    turn = GyroTurn(turned_rad=0.35, moving_s=0.6, sigma_rad=0.02, drift_rad_s=1e-4)
+    factor = heading_factor(3, turn, Node(0, 0, 0, 0.4, 0.01), Node(0, 0, 0, 0.1, 0.0))
     assert tuple(factor.keys()) == (X(2), X(3), B(3))
     values = gtsam.Values()
     values.insert(X(2), gtsam.Pose2(0.0, 0.0, 0.1))
     values.insert(X(3), gtsam.Pose2(0.0, 0.0, 0.5))
-    values.insert(B(3), 0.1)
+    values.insert(B(3), np.array([0.1, 0.02]))
     linear = factor.linearize(values)
-    assert np.allclose(linear.augmentedJacobian(), [[0, 0, -50.0, 0, 0, 50.0, 30.0, (0.35 - 0.4 - 0.06) / 0.02]])
+    # of the 0.35 rad that it shows 2 % are too much, and 0.06 rad are its bias
+    right = (0.35 - 0.4 - 0.06 - 0.02 * 0.35) / 0.02
+    assert np.allclose(linear.augmentedJacobian(), [[0, 0, -50.0, 0, 0, 50.0, 30.0, 17.5, right]])

@@ -7,6 +7,7 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, X
+from support.by_hand import hand_step
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
@@ -14,11 +15,13 @@ from fbgraph.core.config import Config, StepLengthConfig
 from fbgraph.core.geometry import wrap_angle
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.batch_smoother import body_to_world, smooth
+from fbgraph.estimators.compass import iron_sigma_ut
 from fbgraph.estimators.ekf import run_ekf
 from fbgraph.estimators.factor_graph import heading_factor
+from fbgraph.estimators.gyroscope import GyroTurn
 from fbgraph.estimators.node import Node
 from fbgraph.estimators.pdr import dead_reckon
-from fbgraph.front_end.step_track import Step, StepTrack
+from fbgraph.front_end.step_track import StepTrack
 
 CONFIG = Config()
 L = 0.7
@@ -29,37 +32,16 @@ def make_track(
     yaw_rad: np.ndarray, bias_rad_s: float = 0.0, compass: bool = True, rest: bool = False, dt_s: float = 0.5
 ) -> StepTrack:
     """A walker who makes one step of 0.7 m in each direction given, with a perfect compass and a biased gyroscope."""
-    nan = math.nan
     steps = []
     for k, yaw in enumerate(np.concatenate((yaw_rad[:1], yaw_rad))):
         t_s = k * dt_s
         yaw_s = t_s - dt_s / 2 if k else dt_s / 2
-        steps.append(
-            Step(
-                t_s=t_s,
-                start_s=max(t_s - dt_s, 0.0),
-                length_m=L if k else 0.0,
-                frequency_hz=1 / dt_s,
-                slope=0.0,
-                shortened_m=0.0,
-                bounce_m_s2=5.0,
-                doubt_m=0.0,
-                yaw_s=yaw_s,
-                yaw_gyro_rad=float(yaw) + 1.234 + bias_rad_s * yaw_s,
-                yaw_mag_rad=float(wrap_angle(np.asarray(yaw))) if compass and k else nan,
-                mag_norm_ut=45.0 if compass and k else nan,
-                mag_dip_rad=1.0 if compass and k else nan,
-                altitude_m=100.0,
-                altitude_sigma_m=nan,
-                gusty=False,
-                carried_m=0.0,
-                blown_m=0.0,
-                chained=True,
-                rest_rate_rad_s=bias_rad_s if rest and k == 1 else nan,
-                rest_sigma_rad_s=1e-4 if rest and k == 1 else nan,
-                rest_s=5.0 if rest and k == 1 else 0.0,
-            )
-        )
+        heard = {"yaw_mag_rad": float(wrap_angle(np.asarray(yaw))), "mag_norm_ut": 45.0, "mag_dip_rad": 1.0}
+        rested = {"rest_rate_rad_s": bias_rad_s, "rest_sigma_rad_s": 1e-4, "rest_s": 5.0, "rest_drift_rad": 0.0}
+        given = {"t_s": t_s, "start_s": max(t_s - dt_s, 0.0), "length_m": L if k else 0.0, "frequency_hz": 1 / dt_s}
+        given |= {"yaw_s": yaw_s, "yaw_gyro_rad": float(yaw) + 1.234 + bias_rad_s * yaw_s, "altitude_m": 100.0}
+        given |= (heard if compass and k else {}) | (rested if rest and k == 1 else {})
+        steps.append(hand_step(**given))
     return StepTrack(steps)
 
 
@@ -185,13 +167,13 @@ def test_body_to_world_turns_ellipses() -> None:
 def test_the_heading_factor_is_the_ekf_prediction_with_its_derivatives() -> None:
     node, previous = Node(1.0, 2.0, 0.0, 3.0, 0.01), Node(0.4, 1.5, 0.0, 2.8, 0.0)
     sigma, dt_s, increment = 0.02, 0.6, 0.35
-    factor = heading_factor(1, increment, dt_s, sigma, node, previous)
+    factor = heading_factor(1, GyroTurn(increment, dt_s, sigma, 1e-4), node, previous)
 
     def error(yaw_0: float, yaw_1: float, bias: float, x_1: float = 1.0) -> float:
         values = gtsam.Values()
         values.insert(X(0), gtsam.Pose2(0.4, 1.5, yaw_0))
         values.insert(X(1), gtsam.Pose2(x_1, 2.0, yaw_1))
-        values.insert(B(1), bias)
+        values.insert(B(1), np.array([bias, 0.0]))
         return math.sqrt(2 * factor.error(values)) * sigma
 
     # far from the linearisation point too: the factor is linear in yaw and bias, across the wrap as well
@@ -217,10 +199,14 @@ def test_residuals_and_weights_add_up_to_the_graph_error() -> None:
     total = 0.0
     for kind in smoothed.residuals:
         away = np.abs(kind.whitened)
-        # Huber: r²/2 up to c, c (r - c/2) beyond, with weight c / r
-        total += float(
-            np.where(kind.weight < 1.0, kind.weight * away * (away - kind.weight * away / 2), away**2 / 2).sum()
-        )
+        # Huber: r²/2 up to c, c (r - c/2) beyond, with weight c / r; the compass's weights are the graph's own
+        lost = np.zeros(len(away)) if kind.name in {"compass", "field_strength"} else 1.0 - kind.weight
+        total += float((kind.weight * away**2 / 2 * (1.0 + lost)).sum())
+    assert smoothed.device is not None
+    iron_ut, graph = smoothed.device.iron_ut[0], CONFIG.graph
+    total += 0.5 * float((iron_ut[:2] ** 2).sum()) / iron_sigma_ut(iron_ut, graph) ** 2
+    total += 0.5 * ((iron_ut[2] - 45.0 * math.cos(1.0)) / graph.sigma_field_ut) ** 2
+    total += 0.5 * (smoothed.device.gyro_scale / graph.sigma_gyro_scale) ** 2
     assert smoothed.aids.frame is not None
     total += 0.5 * math.log1p((smoothed.aids.frame.turn_rad / 0.2) ** 2)  # the anchors' frame turned, Cauchy
     assert total == pytest.approx(smoothed.errors[-1], rel=1e-3)

@@ -4,14 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from support.factors import graph_of, make_step, stand, values_at
+from support.factors import graph_of, make_step, seed_of, stand, values_at
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.core.config import GraphConfig
 from fbgraph.estimators.aid_factors import anchor_factor, closed_walk_factor, closure_factor
 from fbgraph.estimators.estimates import FACTOR_KINDS, Residuals
-from fbgraph.estimators.residuals import factor_residuals
+from fbgraph.estimators.heading_chain import HeadingChain
+from fbgraph.estimators.residuals import compass_table, factor_residuals
+from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.records import Closure
 
 CONFIG = GraphConfig(
@@ -35,7 +37,13 @@ STEPS = [
     make_step(t_s=0.25, length_m=0.5, yaw_s=1.0, **SENSED, **REST),
     make_step(t_s=0.5, length_m=0.8, yaw_s=2.0, yaw_gyro_rad=0.1),
 ]
-AT = values_at((0, 0, 0, 0, 0.004), (0.6, 0.1, 0.4, 0.0, 0.006, 0.05), (1.4, 0.1, 0.3, 0.0, 0.005))
+USUAL_UT = 48.0 * math.cos(1.0)
+AT = values_at(
+    (0, 0, 0, 0, 0.004),
+    (0.6, 0.1, 0.4, 0.0, 0.006, 0.05),
+    (1.4, 0.1, 0.3, 0.0, 0.005),
+    iron_ut=(0.0, 0.0, USUAL_UT),
+)
 
 
 def residuals() -> dict[str, Residuals]:
@@ -44,7 +52,11 @@ def residuals() -> dict[str, Residuals]:
     graph.push_back(anchor_factor(anchors, 0, 1, make_step(length_m=0.8), CONFIG))
     graph.push_back(closed_walk_factor(2, CONFIG))
     graph.push_back(closure_factor(Closure(0, 2, 0.7, 1.0)))
-    return {kind.name: kind for kind in factor_residuals(graph, AT)}
+    track = StepTrack(STEPS)
+    chain = HeadingChain(track, CONFIG, jumps=False)
+    heading = chain.start(np.zeros(3), np.zeros(3), np.array([[0.0, 0.0, 1.1 * USUAL_UT]]))
+    compass = compass_table(track, seed_of(track, np.zeros(3)), heading, CONFIG)
+    return {kind.name: kind for kind in factor_residuals(graph, AT, compass)}
 
 
 def says(kind: Residuals, *rows: tuple[int, float]) -> bool:
@@ -65,8 +77,8 @@ def test_a_step_that_went_too_far_or_to_the_left_is_positive() -> None:
 
 def test_estimate_minus_measurement_in_sigmas() -> None:
     found = residuals()
-    # yaw did not turn, the gyroscope by 0.1 less 0.006 of bias; then by nothing less 0.005
-    assert says(found["heading"], (1, (0.006 - 0.1) / 0.02), (2, 0.25))
+    # yaw did not turn, the gyroscope by 0.1, of which 0.04 are the rest's; then by nothing less 0.005 of bias
+    assert says(found["heading"], (1, (0.04 - 0.1) / 0.02), (2, 0.25))
     assert says(found["bias_drift"], (0, 0.4), (1, 2.0), (2, -1.0))
     assert says(found["standing_still"], (1, -2.0))
     assert says(found["climb"], (1, 2.0), (2, -0.5))
@@ -79,6 +91,9 @@ def test_a_robust_loss_says_what_it_left() -> None:
     inflation = math.sqrt(1.0 / math.tanh(x / 2.0))
     assert says(found["compass"], (1, -3.0 / inflation))
     assert found["compass"].weight == pytest.approx([1.0 / 3.0])
+    # the field is a tenth of what is usual: 1 / 1.1 of it, a sigma and a bit
+    assert says(found["field_strength"], (1, -1.0 / 1.1 / inflation))
+    assert found["field_strength"].weight.tolist() == [1.0]
     assert says(found["barometer"], (1, -1.3))
     assert found["barometer"].weight.tolist() == [1.0]
     assert says(found["anchor"], (1, 1.0))  # 0.3 and 0.4 m of hypot(0.3, 0.4)

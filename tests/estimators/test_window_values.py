@@ -9,7 +9,7 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, D, F, X, Z
-from support.factors import Array, seed_of, values_at, walk_track
+from support.factors import Array, make_step, seed_of, values_at, walk_track
 
 from fbgraph.core.aids import Aids, AnchorFrame
 from fbgraph.core.checkpoints import anchor_breadcrumbs, checkpoints
@@ -18,6 +18,7 @@ from fbgraph.core.errors import EstimationError
 from fbgraph.estimators.aid_factors import anchor_factor, closure_factor, closure_prior
 from fbgraph.estimators.batch_smoother import smooth
 from fbgraph.estimators.factor_graph import GraphBuilder, build_graph
+from fbgraph.estimators.heading_chain import solve_heading
 from fbgraph.estimators.isam_window import IsamWindow
 from fbgraph.estimators.node import Node
 from fbgraph.front_end.step_track import StepTrack
@@ -65,7 +66,7 @@ def walked(
 ) -> IsamWindow:
     """A window after a walk; each closure is given once the breadcrumb that is its key is in."""
     aids = aids or Aids()
-    window, builder = IsamWindow(online, aids.places_known), GraphBuilder(CONFIG, aids, compass=True)
+    window, builder = IsamWindow(online, CONFIG, aids.places_known), GraphBuilder(CONFIG, aids, compass=True)
     near = anchor_breadcrumbs(aids.anchors, track.t_s).tolist() if aids.anchors is not None else []
     for k, step in enumerate(track.steps):
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -74,11 +75,20 @@ def walked(
         for i in (i for i, at in enumerate(near) if at == k and aids.anchors is not None):
             assert aids.anchors is not None
             graph.push_back(anchor_factor(aids.anchors, i, k, step, CONFIG))
-        window.add(graph, values, node)
+        window.add(graph, values, node, step)
         window.close([closures[k]] if closures and k in closures else [])
         if glimpse:
             window.glimpse()
     return window
+
+
+def batch_graph(
+    track: StepTrack, yaw_rad: Array, aids: Aids | None = None
+) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """The graph of a whole walk, its compass made where the headings alone see it."""
+    seed = seed_of(track, yaw_rad)
+    heading = solve_heading(track, [(yaw_rad, np.zeros(len(track)))], CONFIG)
+    return build_graph(track, replace(seed, yaw_rad=heading.yaw_rad), heading, CONFIG, aids or Aids())
 
 
 def state(x_m: float, y_m: float, yaw_rad: float, bias_rad_s: float) -> Array:
@@ -93,12 +103,12 @@ def last_of(window: IsamWindow) -> Array:
 def at_once(extra: Sequence[Any] = ()) -> Array:
     """The latest breadcrumb by Levenberg-Marquardt on the whole graph and these factors more."""
     track, yaw = zigzag()
-    graph, values = build_graph(track, seed_of(track, np.concatenate((yaw[:1], yaw))), CONFIG, Aids())
+    graph, values = batch_graph(track, np.concatenate((yaw[:1], yaw)))
     for factor in extra:
         graph.push_back(factor)
     result = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
     pose = result.atPose2(X(STEPS))
-    return state(pose.x(), pose.y(), pose.theta(), result.atDouble(B(STEPS)))
+    return state(pose.x(), pose.y(), pose.theta(), float(result.atVector(B(STEPS))[0]))
 
 
 def test_without_closures_the_end_is_the_batch_smoothers() -> None:
@@ -114,9 +124,10 @@ def test_all_of_a_window_that_never_moved_is_the_batch_smoothers() -> None:
     batch = smooth(track, seed_of(track, np.concatenate((yaw[:1], yaw))), CONFIG, SolverConfig()).trajectory
     turned = np.angle(np.exp(1j * (nodes[:, 2] - batch.yaw_rad)))
     assert window.first == 0
-    assert np.allclose(nodes[:, :2], batch.xy_m, atol=1e-3)
-    assert np.allclose(turned, 0.0, atol=1e-4)
-    assert np.allclose(nodes[:, 3], 100 * batch.gyro_bias_rad_s, atol=1e-3)
+    # its compass was made step by step, and its iron may wander a little
+    assert np.allclose(nodes[:, :2], batch.xy_m, atol=0.03)
+    assert np.allclose(turned, 0.0, atol=6e-3)
+    assert np.allclose(nodes[:, 3], 100 * batch.gyro_bias_rad_s, atol=0.02)
     assert np.allclose([n.z_m for n in window.nodes], batch.z_m, atol=0.01)
 
 
@@ -169,13 +180,13 @@ def test_closures_given_together_all_count() -> None:
 
 def test_the_window_holds_what_it_should_and_what_left_it_stays() -> None:
     track, _ = zigzag(60)
-    window, builder = IsamWindow(EXACT, False), GraphBuilder(CONFIG, Aids(), compass=True)
+    window, builder = IsamWindow(EXACT, CONFIG, False), GraphBuilder(CONFIG, Aids(), compass=True)
     left: list[Node] = []
     for k, step in enumerate(track.steps):
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         node = next_node(track, k, window.nodes)
         builder.add(step, node, window.nodes[-1] if k else None, graph, values)
-        assert window.add(graph, values, node) == window.nodes[-1]
+        assert window.add(graph, values, node, step) == window.nodes[-1]
         assert window.first == max((k + 1) // 10 - 1, 0) * 10
         assert window.nodes[: len(left)] == left
         left = window.nodes[: window.first]
@@ -213,8 +224,7 @@ def test_anchors_are_the_batch_smoothers(window_steps: int) -> None:
     anchors = checkpoints(track.t_s[at], path[at - 1, 0], path[at - 1, 1], sigma_m=np.full(4, 0.2))
     window = walked(track, EXACT.model_copy(update={"window_steps": window_steps}), aids=Aids(anchors))
     untold = AnchorFrame(0.0, 0.0, 0.0, (0.0, 0.0), free=False)
-    seed = seed_of(track, np.concatenate((yaw[:1], yaw)))
-    graph, values = build_graph(track, seed, CONFIG, Aids(anchors, frame=untold))
+    graph, values = batch_graph(track, np.concatenate((yaw[:1], yaw)), Aids(anchors, frame=untold))
     graph.push_back(gtsam.PoseTranslationPrior2D(F(0), gtsam.Pose2(), gtsam.noiseModel.Isotropic.Sigma(2, 1e-3)))
     result = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
     node, end = window.refresh()[-1], result.atPose2(X(len(track) - 1))
@@ -233,7 +243,7 @@ def test_what_cannot_be_solved_is_an_estimation_error_that_says_where() -> None:
     only_a_direction = gtsam.NonlinearFactorGraph()
     only_a_direction.push_back(gtsam.PoseRotationPrior2D(X(4), gtsam.Rot2(), gtsam.noiseModel.Isotropic.Sigma(1, 0.1)))
     with pytest.raises(EstimationError, match="iSAM2 failed at step 4: "):
-        window.add(only_a_direction, values, Node(0.0, 0.0, 0.0, 0.0, 0.0))
+        window.add(only_a_direction, values, Node(0.0, 0.0, 0.0, 0.0, 0.0), make_step())
     with pytest.raises(EstimationError, match="iSAM2 failed at a closure: "):
         walked(track).close([Closure(0, 9, 1.0, 1.0)])
 
@@ -250,11 +260,11 @@ def test_the_isobar_leaves_and_enters_the_window_as_in_the_batch_smoother(gap_at
     ]
     track = StepTrack(steps)
     window = walked(track)
-    graph, values = build_graph(track, seed_of(track, np.concatenate((yaw[:1], yaw))), CONFIG, Aids())
+    graph, values = batch_graph(track, np.concatenate((yaw[:1], yaw)))
     params = gtsam.LevenbergMarquardtParams()
     params.setLinearSolverType("MULTIFRONTAL_QR")
     result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
     batch = np.array([result.atDouble(D(k)) for k in range(len(track))])
     online = np.array([n.isobar_m for n in window.refresh()])
     assert np.ptp(batch) > 0.4
-    assert np.allclose(online[window.first :], batch[window.first :], atol=0.02)
+    assert np.allclose(online[window.first :], batch[window.first :], atol=0.04)

@@ -94,7 +94,9 @@ def test_the_rest_before_the_walk_is_the_gyroscopes_bias(whole: Whole) -> None:
     assert track.rest_rate_rad_s[1] == pytest.approx(BIAS, abs=2e-4)
     assert 6.0 < track.rest_s[1] < 9.5
     assert not track.rest_s[2:].any()
-    assert np.allclose(track.altitude_m, 300.0)
+    heard = np.isfinite(track.altitude_m)
+    assert heard.any()
+    assert np.allclose(track.altitude_m[heard], 300.0)
     assert np.allclose(track.mag_norm_ut[1:], np.hypot(20.0, 43.0), atol=1e-3)
 
 

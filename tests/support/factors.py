@@ -7,12 +7,15 @@ from typing import Any
 import gtsam
 import numpy as np
 import numpy.typing as npt
-from gtsam.symbol_shorthand import B, D, X, Z
+from gtsam.symbol_shorthand import B, D, I, X, Z
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.compass import compass_readings
+from fbgraph.estimators.compass_factors import UNIT_UT, compass_factors, iron_factor
 from fbgraph.estimators.factor_graph import GraphBuilder
+from fbgraph.estimators.magnetic_field import FieldMemory
 from fbgraph.estimators.node import Node
 from fbgraph.front_end.step_track import Step, StepTrack
 from support.by_hand import hand_step
@@ -67,13 +70,24 @@ def graph_of(
     compass: bool = True,
     nodes: Sequence[Node] | None = None,
 ) -> gtsam.NonlinearFactorGraph:
-    """The factors of these steps."""
+    """The factors of these steps, the compass linearised at the nodes and where the device has no iron."""
+    config = config or GraphConfig()
     nodes = nodes or [Node(0.0, 0.0, 0.0, 0.0, 0.0)] * len(steps)
-    builder = GraphBuilder(config or GraphConfig(), aids or Aids(), compass)
+    builder = GraphBuilder(config, aids or Aids(), compass)
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for k, step in enumerate(steps):
         builder.add(step, nodes[k], nodes[k - 1] if k else None, graph, values)
     assert values.size() == 4 * len(steps)
+    known = [k for k, step in enumerate(steps) if math.isfinite(step.yaw_mag_rad)]
+    if known:
+        field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
+        readings = compass_readings([steps[k] for k in known], field, config)
+        usual_ut = float(np.median(readings.level_ut))
+        iron_ut = np.tile([0.0, 0.0, usual_ut], (len(known), 1))
+        graph.push_back(iron_factor(0, iron_ut[0], usual_ut, config))
+        yaw_rad, stretch = np.array([nodes[k].yaw_rad for k in known]), np.zeros(len(known), dtype=np.int64)
+        for factor in compass_factors(np.array(known), readings, yaw_rad, stretch, iron_ut, config):
+            graph.push_back(factor)
     return graph
 
 
@@ -89,14 +103,19 @@ def the_factor(graph: gtsam.NonlinearFactorGraph, kind: str, *keys: int) -> Any:
     return factor
 
 
-def values_at(*nodes: tuple[float, ...]) -> gtsam.Values:
-    """Values of breadcrumbs 0, 1, …, each (x, y, z, yaw, bias) and, if it is not 0, the height of the isobar."""
+def values_at(*nodes: tuple[float, ...], iron_ut: Sequence[float] | None = None) -> gtsam.Values:
+    """Values of breadcrumbs 0, 1, …, each (x, y, z, yaw, bias) and, if it is not 0, the height of the isobar.
+
+    The gyroscope's scale is right; iron and strength of the field are those of the first stretch.
+    """
     values = gtsam.Values()
     for k, (x_m, y_m, z_m, yaw_rad, bias, *isobar_m) in enumerate(nodes):
         values.insert(X(k), gtsam.Pose2(x_m, y_m, yaw_rad))
         values.insert(Z(k), z_m)
-        values.insert(B(k), bias)
+        values.insert(B(k), np.array([bias, 0.0]))
         values.insert(D(k), isobar_m[0] if isobar_m else 0.0)
+    if iron_ut is not None:
+        values.insert(I(0), np.array(iron_ut) / UNIT_UT)
     return values
 
 
