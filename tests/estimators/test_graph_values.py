@@ -194,8 +194,7 @@ def test_an_unusual_field_weakens_the_compass() -> None:
     graph = graph_of([stand(), usual, usual, usual, stronger, steeper], CONFIG)
     values = values_at(*[START] * 6, iron_ut=NO_IRON)
     sigma = [
-        1.0
-        / float(the_factor(graph, "LinearContainerFactor", X(k), I(0)).linearize(values).augmentedJacobian()[0, 2])
+        1.0 / float(the_factor(graph, "LinearContainerFactor", X(k), I(0)).linearize(values).augmentedJacobian()[0, 2])
         for k in range(1, 6)
     ]
     # 1 + (30 µT / 20 µT)² = 3.25 and 1 + (0.5 rad / 0.5 rad)² = 2

@@ -125,11 +125,7 @@ def test_an_anchor_holds_the_breadcrumb_nearest_in_time(log: SensorLog, plain: P
     smoother = OnlineSmoother(CONFIG, Aids(anchors))
     updates = feed(smoother, log, 5.0)
     for trajectory in (smoother.estimate(), smoother.finish().trajectory):
-<<<<<<< HEAD
         assert trajectory.xy_m[k + later] == pytest.approx((100.0, -50.0), abs=0.1)
-=======
-        assert trajectory.xy_m[k + later] == pytest.approx((100.0, -50.0), abs=0.05)
->>>>>>> 897fe43 (Tests of graph, window, rests and residuals follow the heading model)
     before, after = updates[k], updates[k + 2]
     # not known before its time: the walk is shown as if it began there
     assert (updates[0].x_m, updates[0].y_m) == pytest.approx((100.0, -50.0))

@@ -71,7 +71,9 @@ def test_the_whole_walks_errors_are_part_of_its_covariance_until_two_places_are_
     loud = GraphConfig(sigma_length_scale=0.1, sigma_mount_rad=0.2)
     plain, more = (smoothed(track, yaw, config).trajectory for config in (QUIET, loud))
     poses = np.column_stack((plain.x_m, plain.y_m, plain.yaw_rad))
-    bent_more, bent = (curvature_covariance(track.length_m, plain.yaw_rad, covariance_of(t)[:, 2, 2]) for t in (more, plain))
+    bent_more, bent = (
+        curvature_covariance(track.length_m, plain.yaw_rad, covariance_of(t)[:, 2, 2]) for t in (more, plain)
+    )
     added = walk_covariance(poses, np.zeros(21), loud) + bent_more - bent
     assert np.allclose(covariance_of(more) - covariance_of(plain), added, atol=1e-9)
     one = checkpoints(np.array([0.0]), np.array([3.0]), np.array([4.0]))
@@ -213,7 +215,7 @@ def test_the_solver_says_what_it_did() -> None:
     assert result.iterations == len(result.errors) - 1 >= 2
     assert np.all(np.diff(result.errors) <= 1e-6)  # the weights of a second pass are of another linearisation
     free = smooth(track, seed_of(track, np.zeros(41)), QUIET, SOLVER)
-    assert free.errors[-1] < 0.05 * free.errors[0]
+    assert free.errors[0] == pytest.approx(free.errors[-1], rel=1e-3)  # headings are solved before
     few = smooth(track, seed_of(track, np.zeros(41)), QUIET, SolverConfig(max_iterations=1))
     assert few.iterations == 1
 
