@@ -24,6 +24,7 @@ class FieldJumps:
         self._t_s = np.empty(0)
         self._field_ut = np.empty((0, 3))
         self._yaw_rad = np.empty(0)
+        self._changes_ut = np.empty(0)  # from each sample to the next
         self._judged_s = -np.inf
 
     def push(self, t_s: FloatArray, field_ut: FloatArray, yaw_rad: FloatArray) -> FloatArray:
@@ -36,21 +37,26 @@ class FieldJumps:
             field_ut: (N, 3) field in a level frame that does not turn; finite.
             yaw_rad: (N,) how far the device has turned about the vertical, unwrapped.
         """
+        if len(t_s) == 0:
+            return np.empty((0, 3))
+        known = len(self._t_s)
         self._t_s = np.concatenate((self._t_s, t_s))
         self._field_ut = np.concatenate((self._field_ut, field_ut))
+        new = np.linalg.norm(self._field_ut[max(known, 1) :] - self._field_ut[max(known, 1) - 1 : -1], axis=1)
+        self._changes_ut = changes = np.concatenate((self._changes_ut, new))
         self._yaw_rad = np.concatenate((self._yaw_rad, yaw_rad))
-        changes = np.linalg.norm(np.diff(self._field_ut, axis=0), axis=1)
-        known: list[tuple[float, float, float]] = []
+        jumps: list[tuple[float, float, float]] = []
         for at in np.flatnonzero((changes > _LEAST_UT) & (self._t_s[:-1] > self._judged_s)):
             end = int(np.searchsorted(self._t_s, self._t_s[at + 1] + _SIDE_S))
             if end >= len(self._t_s):
                 break  # what follows has not come yet
             self._judged_s = float(self._t_s[at])
             if (jump := self._jump(int(at), end, changes)) is not None:
-                known.append((float(self._t_s[end]), float(jump[0]), float(jump[1])))
-        start = int(np.searchsorted(self._t_s, (self._t_s[-1] if len(self._t_s) else 0.0) - 3.0 * _SIDE_S))
+                jumps.append((float(self._t_s[end]), float(jump[0]), float(jump[1])))
+        start = int(np.searchsorted(self._t_s, self._t_s[-1] - 3.0 * _SIDE_S))
+        self._changes_ut = self._changes_ut[start:]
         self._t_s, self._field_ut, self._yaw_rad = self._t_s[start:], self._field_ut[start:], self._yaw_rad[start:]
-        return np.array(known).reshape(-1, 3)
+        return np.array(jumps).reshape(-1, 3)
 
     def _jump(self, at: int, end: int, changes: FloatArray) -> FloatArray | None:
         """By how much the field jumped after sample ``at``, if it was steady before and stays so until ``end``."""

@@ -195,7 +195,8 @@ class Leveller:
             self._pressure = Stream(lead, np.repeat(pressure.values[:1], _PRESSURE_MEDIAN - 1, axis=0))
         window = _append(self._pressure, pressure)
         sliding = np.lib.stride_tricks.sliding_window_view(window.values[:, 0], _PRESSURE_MEDIAN)
-        altitude = pressure_altitude_m(np.median(sliding, axis=1))
+        # (np.median takes a tenth of a millisecond more, at every piece of a live log)
+        altitude = pressure_altitude_m(np.sort(sliding, axis=1)[:, _PRESSURE_MEDIAN // 2])
         altitude[self._frozen(pressure)] = np.nan
         self._altitude = _append(self._altitude, Stream(pressure.t_s, altitude[:, None]))
         self._pressure = _tail(window, _PRESSURE_MEDIAN - 1)
@@ -204,7 +205,7 @@ class Leveller:
         """(N,) whether each sample has been the same for too long to be a measurement."""
         values, t_s = pressure.values[:, 0], pressure.t_s
         last, since_s, count = self._repeated
-        changed = np.diff(values, prepend=last) != 0.0  # also at the very first, whose predecessor is nan
+        changed = values != np.concatenate(([last], values[:-1]))  # also at the very first, whose predecessor is nan
         at = np.arange(len(values))
         begin = np.maximum.accumulate(np.where(changed, at, -1))
         repeats = np.where(begin < 0, count + at + 1, at - begin + 1)
