@@ -50,6 +50,8 @@ def _leaps(track: StepTrack) -> list[Finding]:
                 f"air pressure changed for {end_s - start_s:.0f} s as on a climb of {net_m:+.0f} m, faster than legs "
                 "climb: not followed, and altitude is uncertain by as much"
             )
+        elif largest_m < _WEATHER_M:
+            continue
         else:
             text = (
                 f"air pressure leapt by up to {largest_m:.1f} m of altitude at {len(run)} "

@@ -119,7 +119,9 @@ def as_text(way: Directions, units: Units = "metric") -> str:
     if way.caution:
         lines = [*(for_terminal(text) for text in way.caution), "", *lines]
     apart_m = math.dist(way.points_m[0][:2], way.points_m[-1][:2])
-    if way.back and apart_m < max(2.0 * (way.sigma_m or 0.0), _THERE_M):
+    higher_m = way.points_m[-1][2] - way.points_m[0][2]
+    level = not surely_climbs(higher_m, math.hypot(*(leg.sigma_rise_m or 0.0 for leg in way.legs)))
+    if way.back and level and apart_m < max(2.0 * (way.sigma_m or 0.0), _THERE_M):
         lines += ["", f"The walk ended {_metres(apart_m)} from its start: this is all of it once more, backwards."]
     *sentences, arrival = instructions(way, units)
     for i, (leg, sentence) in enumerate(zip(way.legs, sentences, strict=True)):

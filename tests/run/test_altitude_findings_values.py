@@ -44,6 +44,7 @@ def test_leaps_close_together_are_told_as_one() -> None:
     (alone,) = told(blown_m=changed(51, [10], -1.0, 0.0))
     assert "by up to 1.0 m of altitude at 1 step:" in alone.text
     assert len(told(blown_m=changed(51, [5, 40], 8.4, 0.0))) == 2
+    assert told(blown_m=changed(51, range(5, 9), 0.8, 0.0)) == []
 
 
 def test_a_climb_that_legs_cannot_is_told_with_its_sum() -> None:
@@ -52,7 +53,7 @@ def test_a_climb_that_legs_cannot_is_told_with_its_sum() -> None:
         "air pressure changed for 15 s as on a climb of -18 m, faster than legs climb: not followed, and altitude is "
         "uncertain by as much"
     )
-    (short,) = told(blown_m=changed(51, range(10, 29), 0.6, 0.0))
+    (short,) = told(blown_m=changed(51, range(10, 29), 0.9, 0.0))
     assert "leapt" in short.text
 
 

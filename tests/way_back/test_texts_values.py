@@ -199,10 +199,10 @@ def test_the_page_of_the_way_back() -> None:
 
 
 def test_who_has_walked_home_already_is_told_so() -> None:
-    """Nearer than two metres, or than two sigma; on the way back only."""
+    """Nearer than two metres, or than two sigma; on the same floor; on the way back only."""
 
-    def page(apart_m: float, sigma_m: float | None, back: bool = True) -> str:
-        leg = Leg(((apart_m, 0.0, 5.0), (9.0, 9.0, 0.0), (0.0, 0.0, 0.0)), (1.0, 0.0), 25.0)
+    def page(apart_m: float, sigma_m: float | None, back: bool = True, higher_m: float = 0.9) -> str:
+        leg = Leg(((apart_m, 0.0, higher_m), (9.0, 9.0, 0.0), (0.0, 0.0, 0.0)), (1.0, 0.0), 25.0)
         return as_text(Directions("loop", (leg,), 0.5, sigma_m, back=back))
 
     assert "The walk ended 1.9 m from its start: this is all of it once more, backwards." in page(1.9, None)
@@ -210,6 +210,7 @@ def test_who_has_walked_home_already_is_told_so() -> None:
     assert "The walk ended 2.9 m" in page(2.9, 1.5)
     assert "once more" not in page(3.1, 1.5)
     assert "once more" not in page(1.0, 1.5, back=False)
+    assert "once more" not in page(1.0, 1.5, higher_m=-3.0)
 
 
 def test_json_holds_every_value() -> None:
