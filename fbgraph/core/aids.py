@@ -18,6 +18,7 @@ class AnchorFrame:
         turn_rad: by which the anchors' x axis is turned against the walk's East, anticlockwise.
         centre_m: (x, y) in the anchors' frame, near them: large numbers are kept out of the solver.
         free: whether the turn is to be found; else it is what it is here.
+        sigma_late_s: by how much all anchors may have been told too late or too early, one standard deviation.
     """
 
     x_m: float
@@ -25,6 +26,7 @@ class AnchorFrame:
     turn_rad: float
     centre_m: tuple[float, float]
     free: bool
+    sigma_late_s: float = 0.6
 
 
 @dataclass(frozen=True)

@@ -36,9 +36,9 @@ _USUAL_SIGMA_M = 0.5
 _NUDGE = 1e-6
 _FASTEST_STEP_S = 0.3
 _ANY_MIRROR = "one axis mirrored"
-_LATE_S, _LATE_LEAST = tuple(float(late_s) for late_s in range(-8, 9)), 3
-_LATE_BETTER = 3.0  # squared standard deviations; of these the covariance of a walk at anchors is generous
-_LATE_SIGMA_S = 0.6  # of all anchors together: what is less than some seconds nothing shows
+_LATE_S, _LATE_LEAST = tuple(float(late_s) for late_s in range(-8, 9)), 4
+# squared standard deviations, with which a walk at anchors is generous: from here on a clock may be late, and is
+_LATE_PERHAPS, _LATE_BETTER = 1.5, 10.0
 _MOST_NAMED = 4
 
 
@@ -120,14 +120,16 @@ def _anchors_checked(
     if not agreed or fit.cost > _MUCH:
         other = _other_frame(walk, anchors, fit, crumbs, alone, sigma_m, compass)
     if agreed and not other:
-        if late_s := _late_s(walk, fit):
+        late_s, gain = _late(walk, fit)
+        if gain > _LATE_BETTER:
             on_time = replace(anchors, t_s=anchors.t_s - late_s)
             crumbs = anchor_breadcrumbs(on_time, track.t_s)
             fit = WalkAtAnchors(alone, crumbs, anchors.xy_m, sigma_m).fit(compass) or fit
             frame = frame_of(fit, anchors.xy_m, free=True)
-            return on_time, frame, [_late(anchors, late_s)], _turned_note(fit, compass)
+            return on_time, frame, [_late_reason(anchors, late_s)], _turned_note(fit, compass)
         doubts, notes = _turned_or_mirrored(walk, anchors, fit, compass)
-        return anchors, frame_of(fit, anchors.xy_m, free=True), doubts, notes
+        frame = frame_of(fit, anchors.xy_m, free=True)
+        return anchors, replace(frame, sigma_late_s=math.hypot(frame.sigma_late_s, late_s)), doubts, notes
     if other or fit.agree.sum() < 2 or not fit.clear:
         # the frame itself is wrong: the walk is not bent at all, and lies among the anchors as well as it can
         fit = _laid(walk, compass)
@@ -141,17 +143,18 @@ def _anchors_checked(
     return doubted, frame, [_contradiction(anchors, fit, other)], notes
 
 
-def _late_s(walk: WalkAtAnchors, fit: FrameFit) -> float:
-    """By how much all anchors were told too late, in whole seconds; 0 if nothing says so."""
+def _late(walk: WalkAtAnchors, fit: FrameFit) -> tuple[float, float]:
+    """By how much all anchors seem to have been told too late, in whole seconds, and what that explains better."""
     if fit.agree.sum() < _LATE_LEAST:
-        return 0.0
+        return 0.0, 0.0
     costs = {late_s: walk.cost_if_late(fit, late_s) for late_s in _LATE_S}
     best = min(costs, key=lambda late_s: costs[late_s])
+    gain = costs[0.0] - costs[best]
     inside = abs(best) < max(_LATE_S)  # else something else is wrong
-    return best if inside and costs[best] < costs[0.0] - _LATE_BETTER else 0.0
+    return (best, gain) if inside and gain > _LATE_PERHAPS else (0.0, 0.0)
 
 
-def _late(anchors: Checkpoints, late_s: float) -> Reason:
+def _late_reason(anchors: Checkpoints, late_s: float) -> Reason:
     """What to say of anchors whose clock is not the log's."""
     way = "late" if late_s > 0 else "early"
     text = (
@@ -310,7 +313,7 @@ def in_anchors_frame(
         whole = np.eye(3)
         whole[:2, :2] = back
         cov = whole @ cov @ whole.T
-        late_m = _LATE_SIGMA_S * np.gradient(xy_m, axis=0) / _apart_s(trajectory.t_s)[:, None]
+        late_m = frame.sigma_late_s * np.gradient(xy_m, axis=0) / _apart_s(trajectory.t_s)[:, None]
         cov[:, :2, :2] += late_m[:, :, None] * late_m[:, None, :]
     return replace(
         trajectory, x_m=xy_m[:, 0], y_m=xy_m[:, 1], yaw_rad=trajectory.yaw_rad - pose.theta(), cov_xy_yaw=cov
@@ -322,14 +325,8 @@ def solved_frame(values: gtsam.Values, aids: Aids) -> AnchorFrame | None:
     if not values.exists(F(0)) or aids.anchors is None:
         return None
     pose = values.atPose2(F(0))
-    centre_m = anchors_centre(aids.anchors) if aids.frame is None else aids.frame.centre_m
-    return AnchorFrame(
-        pose.x(),
-        pose.y(),
-        pose.theta(),
-        centre_m,
-        free=len(aids.anchors) > 1 and aids.frame is not None and aids.frame.free,
-    )
+    told = aids.frame or AnchorFrame(0.0, 0.0, 0.0, anchors_centre(aids.anchors), free=False)
+    return replace(told, x_m=pose.x(), y_m=pose.y(), turn_rad=pose.theta())
 
 
 def in_walks_frame(trajectory: Trajectory, frame: AnchorFrame | None) -> Trajectory:
