@@ -34,7 +34,6 @@ _SIDE_RAD = math.radians(25.0)
 _CLOSED_ODDS = 100.0  # that who says so has walked back to the start
 _USUAL_SIGMA_M = 0.5
 _NUDGE = 1e-6
-_FASTEST_STEP_S = 0.3
 _ANY_MIRROR = "one axis mirrored"
 _LATE_S, _LATE_LEAST = tuple(float(late_s) for late_s in range(-8, 9)), 4
 # squared standard deviations, with which a walk at anchors is generous: from here on a clock may be late, and is
@@ -313,8 +312,9 @@ def in_anchors_frame(
         whole = np.eye(3)
         whole[:2, :2] = back
         cov = whole @ cov @ whole.T
-        late_m = frame.sigma_late_s * np.gradient(xy_m, axis=0) / _apart_s(trajectory.t_s)[:, None]
-        cov[:, :2, :2] += late_m[:, :, None] * late_m[:, None, :]
+        for late_s in (-frame.sigma_late_s, frame.sigma_late_s):
+            late_m = np.column_stack([np.interp(trajectory.t_s + late_s, trajectory.t_s, c) for c in xy_m.T]) - xy_m
+            cov[:, :2, :2] += 0.5 * late_m[:, :, None] * late_m[:, None, :]
     return replace(
         trajectory, x_m=xy_m[:, 0], y_m=xy_m[:, 1], yaw_rad=trajectory.yaw_rad - pose.theta(), cov_xy_yaw=cov
     )
@@ -348,11 +348,6 @@ def told_residuals(residuals: Sequence[Residuals], told: Aids | None, used: Aids
         replace(kind, whitened=kind.whitened / ratio, weight=kind.weight * ratio**2) if kind.name == "anchor" else kind
         for kind in residuals
     )
-
-
-def _apart_s(t_s: FloatArray) -> FloatArray:
-    """(N,) time of a step about each breadcrumb, in the units of ``np.gradient``; no step is faster than a run's."""
-    return np.maximum(np.gradient(t_s), _FASTEST_STEP_S)
 
 
 def _with_frame(
