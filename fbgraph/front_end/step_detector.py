@@ -28,6 +28,7 @@ _SWUNG_RAD_S = 0.8  # and of one on a limb
 _CARRIED_RAD_S = 0.5  # mean tilting of a device that is held, not swung
 _HELD_BACK_S, _REMEMBERED_S = 10.0, LOOK_BACK_S - 1.0  # tops that a run may yet confirm; how far back a step may begin
 _LONG_AFTER_S = 60.0
+_BEFORE_S = 12.0  # a swing this soon before the first steps is part of the walk
 _FRAMES_KEPT = int(2.0 * LOOK_BACK_S / FRAME_S)
 _FILL_S = 0.4  # of a shorter period the half cannot be told from the whole
 _BOUT_INTERVAL_S = (0.4, 1.1)
@@ -80,6 +81,7 @@ class StepDetector:
         self._pending: list[_Top] = []
         self._walking = False
         self._told = 0  # grid index up to which steps were told
+        self._swung: Peak | None = None  # before any step: the walk, or the handling that goes before it
         self._lost = 0  # tops since the walk had a rhythm
 
     def push(self, signals: LevelledSignals) -> list[list[Peak]]:
@@ -98,17 +100,29 @@ class StepDetector:
         peak = (value[1:-1] > value[:-2]) & (value[1:-1] >= value[2:]) & (value[1:-1] > past.threshold[1:-1])
         at_peaks = np.flatnonzero(np.where(past.slow[1:-1], peak[:, 1], peak[:, 0])) + 1
         for at in at_peaks[past.index[at_peaks] > past.judged].tolist():
-            runs += self._after_silence(int(past.index[at])) + self._judge(at, past)
+            runs += self._begun(self._after_silence(int(past.index[at])) + self._judge(at, past))
             self._told = runs[-1][-1].index if runs else self._told
         past.judged = int(past.index[-2]) if len(past.index) > 1 else past.judged
-        runs += self._after_silence(past.judged + 1)
+        runs += self._begun(self._after_silence(past.judged + 1))
         self._told = runs[-1][-1].index if runs else self._told
         past.trim(int(LOOK_BACK_S * self._rate_hz))
         return runs
 
     def finish(self) -> list[list[Peak]]:
-        """The bout that nothing follows."""
-        return self._after_silence(self._past.judged + int(_LONG_AFTER_S * self._rate_hz))
+        """The bout, or the swing, that nothing follows."""
+        runs = self._begun(self._after_silence(self._past.judged + int(_LONG_AFTER_S * self._rate_hz)))
+        return [[self._swung]] if not runs and not self._told and self._swung is not None else runs
+
+    def _begun(self, runs: list[list[Peak]]) -> list[list[Peak]]:
+        """Runs, without a swing that no walk follows: before they walk, people shake and turn what they carry."""
+        if self._told or not runs:
+            return runs
+        if len(runs) == 1 and runs[0][0].doubt == _UNRESOLVED_DOUBT:
+            self._swung = runs[0][0]
+            return []
+        swung, self._swung = self._swung, None
+        near = swung is not None and runs[0][0].start_index - swung.index < int(_BEFORE_S * self._rate_hz)
+        return [[swung], *runs] if near and swung is not None else runs
 
     def _after_silence(self, index: int) -> list[list[Peak]]:
         """What ended before it became a run.

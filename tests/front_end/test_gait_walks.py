@@ -177,3 +177,16 @@ def test_a_longer_swing_is_a_limbs_walk() -> None:
     walk = walked(Walker(bounce_m_s2=4.0, start_hold_s=6.0), 50.0, 2, [(0.0, 0.0, 0.0), (30.0, 0.0, 3.0)])
     steps = steps_of(swung(walk.log, 5.0, 40.0))
     assert len(steps) - 1 == pytest.approx(len(walk.steps.t_s), abs=3)
+
+
+def test_a_swing_long_before_the_first_steps_is_no_walk() -> None:
+    """Before they walk, people shake and turn what they carry."""
+    walk = walked(
+        Walker(bounce_m_s2=4.0, start_hold_s=6.0),
+        50.0,
+        2,
+        [(0.0, 0.0, 0.0), (9.0, 0.0, 30.0), (21.0, 0.0, 0.0)],
+    )
+    steps = steps_of(swung(walk.log, 5.0, 15.5))
+    assert steps[0].t_s > 40.0
+    assert max(step.doubt_m for step in steps) < 1.0
