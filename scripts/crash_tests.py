@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What is left when a disk fails or a process is killed.
 
-.venv/bin/python scripts/crash_tests.py [--part N] [--kills N]
+.venv/bin/python scripts/crash_tests.py [--case NAME] [--part N] [--kills N]
 
 Every write, sync, rename, link and new folder of ``smooth``, ``online`` (replayed, live, resumed), ``record`` and
 ``study`` fails once with ENOSPC, once with EIO, and is once the last thing a process does (``faulty_disk.c``); then
@@ -267,6 +267,7 @@ def kill(case: Case, work: Path, rng: random.Random) -> list[str]:
 def main() -> int:
     """Let everything fail; 0 if all that must stay stayed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--case", metavar="NAME", help="only commands whose case begins so: smooth, replay, live, …")
     parser.add_argument("--part", type=int, metavar="N", help="only so many failing calls of each command, drawn")
     parser.add_argument("--kills", type=int, default=200, metavar="N", help="kills at random moments")
     parser.add_argument("--seed", type=int, default=1)
@@ -277,11 +278,13 @@ def main() -> int:
         work = Path(folder)
         (work / "base").mkdir()
         all_cases, library = cases(work / "base"), shim(work)
+        all_cases = [case for case in all_cases if case.name.startswith(given.case or "")]
         rng = random.Random(given.seed)
         for case in all_cases:
             part = rng if given.part is not None else None
             count, found = inject(case, work, library, part, given.part or 0)
             done, wrong = done + count, wrong + found
+            print(f"{case.name}: {count} failing calls, {len(found)} times something was wrong", flush=True)
         for number in range(given.kills):
             wrong += kill(all_cases[number % len(all_cases)], work, rng)
     print("".join(f"WRONG {text}\n" for text in wrong), end="")
