@@ -94,9 +94,13 @@ class CompassWindow:
 
     def stale(self, k: int, iron_ut: FloatArray) -> bool:
         """Whether the factors were made for iron too far from the latest now; asked at breadcrumb ``k``."""
+        return k - self._made_at >= _HELD_STEPS and self.is_far(iron_ut)
+
+    def is_far(self, iron_ut: FloatArray) -> bool:
+        """Whether that is too far from the iron for which the latest factors were made."""
         made_ut = self.iron_ut[-1]
         limit_ut = max(_STALE_UT, _STALE_REL * abs(float(made_ut[STRENGTH])))
-        return k - self._made_at >= _HELD_STEPS and float(np.abs(iron_ut - made_ut).max()) > limit_ut
+        return float(np.abs(iron_ut - made_ut).max()) > limit_ut
 
     def moved(self, k: int, result: gtsam.Values, first: int) -> None:
         """Take the iron of an estimate over, at breadcrumb ``k``, in a window from ``first`` on."""
@@ -106,13 +110,15 @@ class CompassWindow:
                 self.iron_ut[j] = UNIT_UT * result.atVector(I(j))
 
     def recalibrated(self, starts: Sequence[int], jumps_ut: FloatArray, iron_ut: FloatArray) -> None:
-        """The magnetometer's zero jumped before these breadcrumbs, some of which may be known.
+        """The magnetometer's zero jumped before these breadcrumbs, some of which may be known, if at all.
 
         Args:
             starts: (J,) of them.
             jumps_ut: (J, 3) by how much.
             iron_ut: (J+1, 3) iron before and after each.
         """
+        if not starts:
+            self.iron_ut = [iron_ut[0]] * len(self.iron_ut)
         for start, jump_ut, before_ut, after_ut in zip(starts, jumps_ut, iron_ut[:-1], iron_ut[1:], strict=True):
             if start in self._jumps_ut:
                 continue

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 
 import gtsam
 import numpy as np
@@ -91,8 +92,12 @@ class IsamWindow:
         """(3,) iron and strength of the latest stretch, as believed now."""
         return np.asarray(UNIT_UT * self._isam.calculateEstimateVector(I(len(self._compass.iron_ut) - 1)))
 
+    def misjudged(self, heading: HeadingSolution) -> bool:
+        """Whether the headings of the window, solved by themselves, show another iron than the window knows of."""
+        return bool(self._compass.iron_ut) and self._compass.is_far(heading.iron_ut[-1])
+
     def recalibrate(self, heading: HeadingSolution) -> None:
-        """Believe that the magnetometer's zero jumped within the window.
+        """Believe the iron that the window's headings show, and that the magnetometer's zero jumped within it.
 
         Args:
             heading: of the breadcrumbs in the window, its jumps believed.
@@ -102,6 +107,10 @@ class IsamWindow:
         """
         starts = np.flatnonzero(np.diff(heading.stretch)) + 1 + self.first
         result = self._taken_over()
+        # where the compass is judged; the tree itself is linear in yaw
+        for k, yaw_rad in enumerate(heading.yaw_rad.tolist(), self.first):
+            node = self.nodes[k]
+            self.nodes[k] = replace(node, yaw_rad=node.yaw_rad + wrap_scalar(yaw_rad - node.yaw_rad))
         self._compass.recalibrated(starts.tolist(), heading.jumps_ut, heading.iron_ut)
         self._rebuild(self.first, result)
 

@@ -31,6 +31,7 @@ from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.records import Closure, ReturnUpdate, TurnBack
 
 _JUDGED_AFTER = (12, 25, 50, 100)  # steps
+_LOOKED_EVERY = 40  # steps, until the window moves: from no iron at all the way to much of it is long
 
 
 class Companion(Protocol):
@@ -192,7 +193,7 @@ class OnlineSmoother:
             for at, factor in self._anchors.due(self._steps, walk, self._window.first, builder.compass):
                 node = self._window.hold(at, factor)
                 self._anchored.setdefault(at, []).append(factor)
-        self._judge_jump(k, step)
+        self._judge_iron(k, step)
         walked_m = (self._updates[-1].distance_m if self._updates else 0.0) + step.length_m
         update = Update(k, step.t_s, node.x_m, node.y_m, node.z_m, node.yaw_rad, node.bias_rad_s, walked_m)
         if self._companion is not None:
@@ -207,17 +208,17 @@ class OnlineSmoother:
             self.beliefs.append(self.belief())
         return update
 
-    def _judge_jump(self, k: int, step: Step) -> None:
-        """Where the magnetometer's zero seems to have jumped, ask some steps later whether that explains the walk."""
+    def _judge_iron(self, k: int, step: Step) -> None:
+        """Now and then ask whether a jump of the magnetometer, or more iron than is known of, explains the walk."""
         if step.jump_x_ut or step.jump_y_ut:
             self._jumped.append(k)
-        due = [at for at in self._jumped if k - at in _JUDGED_AFTER and at > self._window.first]
-        if not due:
+        due = any(k - at in _JUDGED_AFTER and at > self._window.first for at in self._jumped)
+        if not due and (self._window.first or k == 0 or k % _LOOKED_EVERY):
             return
         known = self._window.refresh()[self._window.first :]
         seed = np.array([node.yaw_rad for node in known]), np.array([node.bias_rad_s for node in known])
         heading = solve_heading(StepTrack(self._steps[self._window.first :]), [seed], self._config.graph)
-        if len(heading.jumps_ut):
+        if len(heading.jumps_ut) or self._window.misjudged(heading):
             self._window.recalibrate(heading)
 
     def _rewrite(self, first: int) -> None:

@@ -1,7 +1,7 @@
 """The window of iSAM2 against the same graph solved at once: no factor is lost or counted twice when it moves."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,22 +10,20 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, D, F, X, Z
 from support.factors import Array, make_step, seed_of, values_at, walk_track
+from support.windows import CONFIG, EXACT, batch_graph, next_node, walked
 
 from fbgraph.core.aids import Aids, AnchorFrame
-from fbgraph.core.checkpoints import anchor_breadcrumbs, checkpoints
-from fbgraph.core.config import GraphConfig, OnlineConfig, SolverConfig
+from fbgraph.core.checkpoints import checkpoints
+from fbgraph.core.config import OnlineConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
-from fbgraph.estimators.aid_factors import anchor_factor, closure_factor, closure_prior
+from fbgraph.estimators.aid_factors import closure_factor, closure_prior
 from fbgraph.estimators.batch_smoother import smooth
-from fbgraph.estimators.factor_graph import GraphBuilder, build_graph
-from fbgraph.estimators.heading_chain import solve_heading
+from fbgraph.estimators.factor_graph import GraphBuilder
 from fbgraph.estimators.isam_window import IsamWindow
 from fbgraph.estimators.node import Node
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.way_back.records import Closure
 
-CONFIG = GraphConfig()
-EXACT = OnlineConfig(window_steps=10, relinearize_skip=1, relinearize_yaw_rad=1e-3, wildfire=1e-6)
 STEPS = 36  # the window moves at breadcrumbs 19 and 29, to 10 and 20
 
 
@@ -44,51 +42,6 @@ def zigzag(count: int = STEPS) -> tuple[StepTrack, Array]:
         for step in track.steps[1:]
     ]
     return StepTrack([track.steps[0], *noisy]), yaw
-
-
-def next_node(track: StepTrack, k: int, nodes: Sequence[Node]) -> Node:
-    """Dead reckoning from the latest breadcrumb."""
-    step = track.steps[k]
-    if k == 0:
-        return Node(0.0, 0.0, 0.0, float(track.yaw_mag_rad[1]), 0.0)
-    last, before = nodes[-1], track.steps[k - 1]
-    yaw = last.yaw_rad + step.yaw_gyro_rad - before.yaw_gyro_rad - last.bias_rad_s * (step.yaw_s - before.yaw_s)
-    x_m, y_m = last.x_m + step.length_m * math.cos(yaw), last.y_m + step.length_m * math.sin(yaw)
-    return Node(x_m, y_m, last.z_m, yaw, last.bias_rad_s)
-
-
-def walked(
-    track: StepTrack,
-    online: OnlineConfig = EXACT,
-    closures: Mapping[int, Closure] | None = None,
-    aids: Aids | None = None,
-    glimpse: bool = False,
-) -> IsamWindow:
-    """A window after a walk; each closure is given once the breadcrumb that is its key is in."""
-    aids = aids or Aids()
-    window, builder = IsamWindow(online, CONFIG, aids.places_known), GraphBuilder(CONFIG, aids, compass=True)
-    near = anchor_breadcrumbs(aids.anchors, track.t_s).tolist() if aids.anchors is not None else []
-    for k, step in enumerate(track.steps):
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        node = next_node(track, k, window.nodes)
-        builder.add(step, node, window.nodes[-1] if k else None, graph, values)
-        for i in (i for i, at in enumerate(near) if at == k and aids.anchors is not None):
-            assert aids.anchors is not None
-            graph.push_back(anchor_factor(aids.anchors, i, k, step, CONFIG))
-        window.add(graph, values, node, step)
-        window.close([closures[k]] if closures and k in closures else [])
-        if glimpse:
-            window.glimpse()
-    return window
-
-
-def batch_graph(
-    track: StepTrack, yaw_rad: Array, aids: Aids | None = None
-) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """The graph of a whole walk, its compass made where the headings alone see it."""
-    seed = seed_of(track, yaw_rad)
-    heading = solve_heading(track, [(yaw_rad, np.zeros(len(track)))], CONFIG)
-    return build_graph(track, replace(seed, yaw_rad=heading.yaw_rad), heading, CONFIG, aids or Aids())
 
 
 def state(x_m: float, y_m: float, yaw_rad: float, bias_rad_s: float) -> Array:

@@ -203,3 +203,64 @@ def test_a_gap_inside_a_rest_does_not_dilute_its_bias() -> None:
     parts = still(10.0, yaw_gyro_rad=yaw[:1000]), still(10.0, 40.0, yaw_gyro_rad=yaw[1000:]), moving(1.0, 50.0)
     rate, sigma, _ = rested(*parts)
     assert abs(rate - 0.01) < 3 * sigma
+
+
+BIAS = math.radians(0.5)
+
+
+def long_rest(duration_s: float, compass: bool, hand_rad: float = 0.0, first_s: float = 0.0) -> Rest:
+    """A rest of a gyroscope that shows half a degree a second; the hand turns on the way, slowly."""
+    t_s = seconds(duration_s, first_s)
+    turned = 0.4 + hand_rad * np.clip((t_s - first_s) / duration_s, 0.0, 1.0)
+    given: dict[str, Any] = {"yaw_gyro_rad": turned + BIAS * t_s}
+    if compass:
+        given["yaw_mag_rad"] = np.angle(np.exp(1j * (turned + 2.9)))
+    return rest_of(still(duration_s, first_s, **given), moving(1.0, first_s + duration_s))
+
+
+@pytest.mark.parametrize("compass", [True, False])
+def test_a_long_rest_tells_what_the_bias_added_all_the_while(compass: bool) -> None:
+    told = long_rest(600.0, compass)
+    assert told.drift_rad == pytest.approx(BIAS * told.duration_s, rel=1e-4)  # most of a circle
+    hand = SWAY * math.sqrt(1.0 + told.duration_s / 60.0)  # which wanders the longer it holds still
+    sigma = hand * COMPASS / math.hypot(hand, COMPASS) if compass else hand
+    assert told.drift_sigma_rad == pytest.approx(sigma)
+
+
+@pytest.mark.parametrize("hand_rad", [math.radians(30.0), math.radians(-30.0), math.radians(170.0)])
+def test_a_hand_that_turns_meanwhile_is_told_from_the_bias_by_the_compass(hand_rad: float) -> None:
+    told = long_rest(600.0, True, hand_rad)
+    off = told.drift_rad - BIAS * told.duration_s
+    assert abs(off) <= 1.01 * told.drift_sigma_rad
+    assert told.drift_sigma_rad < 0.2 * abs(hand_rad)
+    blind = long_rest(600.0, False, hand_rad)
+    assert blind.drift_rad - BIAS * blind.duration_s == pytest.approx(hand_rad, rel=0.01)
+
+
+def shuffled(compass: bool) -> Rest:
+    """A pause of ten minutes: eight rests of 45 s, and between them half a minute of handling the device."""
+    t_s = seconds(600.0)
+    resting = (t_s % 75.0) < 45.0
+    handled = np.where(resting, 0.0, 1.5 * np.sin(2 * math.pi * ((t_s % 75.0) - 45.0) / 30.0))
+    turned = 0.4 + handled + 0.002 * np.where(resting, np.sin(t_s), 0.0)
+    yaw = turned + BIAS * t_s
+    rests = Rests(RATE_HZ, SETTLE_S)
+    for at in range(0, len(t_s), 7500):
+        for lo, hi, still_now in ((at, at + 4500, True), (at + 4500, at + 7500, False)):
+            given: dict[str, Any] = {"yaw_gyro_rad": yaw[lo:hi]}
+            if compass:
+                given["yaw_mag_rad"] = np.angle(np.exp(1j * (turned[lo:hi] - 1.0)))
+            rests.push(levelled(hi - lo, lo, still=still_now, **given))
+    return rests.take(10**9)
+
+
+def test_a_pause_of_many_rests_is_known_as_a_whole_by_the_compass_at_its_ends() -> None:
+    told, blind = shuffled(True), shuffled(False)
+    assert told.duration_s == pytest.approx(7 * 75.0 + 45.0 - TRIM_S - 0.01)
+    assert told.drift_rad == pytest.approx(BIAS * told.duration_s, abs=0.02)
+    assert told.drift_sigma_rad == pytest.approx(math.hypot(COMPASS, 0.1), rel=1e-3)  # of the shuffling
+    assert told.rate_rad_s == pytest.approx(BIAS, abs=3 * told.sigma_rad_s)
+    # without one, each rest by itself, and nothing of what lies between
+    settled = 45.0 - 2 * SETTLE_S - TRIM_S - 0.01
+    assert blind.duration_s == pytest.approx(7 * settled + 45.0 - TRIM_S - 0.01)
+    assert blind.drift_rad == pytest.approx(BIAS * blind.duration_s, rel=0.01)
