@@ -15,6 +15,7 @@ from fbgraph.core.aids import Aids
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.estimators.compass import iron_cost
 from fbgraph.estimators.compass_factors import UNIT_UT
 from fbgraph.estimators.factor_graph import build_graph
 from fbgraph.estimators.heading_chain import HeadingChain, HeadingSolution, solve_heading
@@ -66,6 +67,8 @@ def test_a_walk_round_a_square_tells_the_iron_of_its_device(iron_ut: tuple[float
     found = solved(magnetised(yaw, iron_ut))
     assert found.iron_ut.shape == (1, 3)
     assert found.iron_ut[0] == pytest.approx((*iron_ut, LEVEL_UT), abs=1.5)
+    # all that is unlikely of this walk is that a device has so much
+    assert found.cost == pytest.approx(iron_cost(found.iron_ut[0], CONFIG), abs=1.0)
     assert np.abs(off_rad(found, yaw)).max() < 0.08
 
 
