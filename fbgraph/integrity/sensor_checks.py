@@ -25,6 +25,7 @@ _MOVING_RAD_S, _MOVING_M_S2 = 0.1, 0.5  # what the other sensor must have moved,
 _SILENT_S = 3.0  # devices end their streams within a second of one another
 _RAIL_SHARE = 0.002  # of samples at one value beyond which none lies; undisturbed: 0.0002
 _RAIL_NEAR = 0.98
+_RAIL_SAMPLES = 5  # three of 800 meet there by chance once in some thousand walks: sensors have a resolution
 _GRAVITY_REL = 0.05  # undisturbed: 3.5 % (a bias of three sigma, 10 mg each)
 _LEVEL_BLOCK_S = 2.0  # some four steps: what pushes forward and back in them cancels
 _LEVEL_RMS_M_S2 = 1.0  # undisturbed: 0.7
@@ -270,6 +271,6 @@ def _rail(values: FloatArray) -> tuple[float, float]:
         extreme = float(axis.max())
         there = int((axis == extreme).sum())
         near = int((axis >= _RAIL_NEAR * extreme).sum())
-        if extreme > 0.0 and there >= 3 and there > near / 2 and there / len(axis) > share:
+        if extreme > 0.0 and there >= _RAIL_SAMPLES and there > near / 2 and there / len(axis) > share:
             rail, share = extreme, there / len(axis)
     return rail, share
