@@ -136,7 +136,7 @@ def _(rng: Generator) -> Case:
 @kind("anchors, other unit")
 def _(rng: Generator) -> Case:
     unit = float(rng.choice((0.001, 0.3048, 1.1, 3.2808, 100.0, 1000.0)))
-    return anchored(rng, lambda xy_m: unit * xy_m, f"times {unit:g}")
+    return anchored(rng, lambda xy_m: unit * xy_m, f"times {unit:g}", fewest=3)
 
 
 @kind("anchors, one wrong")
@@ -154,7 +154,10 @@ def _(rng: Generator) -> Case:
 
 @kind("said to be closed, and open")
 def _(rng: Generator) -> Case:
-    walk = walked(rng, path(corners(rng)))
+    way = corners(rng)
+    while np.hypot(*way[-1]) < 20.0:  # who ends nearer may well be at the start, for all that sensors tell
+        way = corners(rng)
+    walk = walked(rng, path(way))
     return Case(walk, f"ends {np.hypot(walk.x_m[-1], walk.y_m[-1]):.0f} m off", Told(closed_walk=True))
 
 

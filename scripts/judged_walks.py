@@ -181,6 +181,11 @@ def share(walks: Sequence[Judged], name: str) -> float:
     return float(np.average([getattr(walk, name) for walk in walks], weights=counts)) if counts.sum() else float("nan")
 
 
+def part(true: Sequence[bool]) -> float:
+    """The share that is true; nan of none."""
+    return float(np.mean(true)) if len(true) else float("nan")
+
+
 def figures(walks: Sequence[Judged]) -> dict[str, float]:
     """What must be shown, as shares."""
     sound, doubtful = ([walk for walk in walks if walk.verdict == verdict] for verdict in (SOUND, DOUBTFUL))
@@ -191,8 +196,8 @@ def figures(walks: Sequence[Judged]) -> dict[str, float]:
         "inside": share(sound, "inside"),
         "nearly": share(sound, "nearly"),
         "inside_z": share(sound, "inside_z"),
-        "beyond": float(np.mean([walk.far for walk in sound])),
-        "alarms": float(np.mean([walk.verdict != SOUND for walk in quiet])),
-        "doubtful beyond": float(np.mean([walk.far for walk in doubtful])),
+        "beyond": part([walk.far for walk in sound]),
+        "alarms": part([walk.verdict != SOUND for walk in quiet]),
+        "doubtful beyond": part([walk.far for walk in doubtful]),
         "seconds": sum(walk.seconds for walk in walks),
     }
