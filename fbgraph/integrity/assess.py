@@ -48,11 +48,11 @@ SENSED_CHECKS: tuple[SensedCheck, ...] = (
     compass_against_gyroscope,
     rhythm,
     rise_of_a_step,
-    unexplained_time,
 )
 """Those that can be asked of a part of a walk, while it goes on."""
 CHECKS: tuple[Check, ...] = (
     *SENSED_CHECKS,
+    unexplained_time,
     solver_failed,
     solver_at_its_limit,
     factors_beyond_their_sigmas,
