@@ -12,7 +12,7 @@ from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rhythm import FRAME_S, Frames, Rhythm, no_frames
 from fbgraph.front_end.running_sums import WindowMoments
-from fbgraph.front_end.step_track import LOOK_BACK_S, Peak
+from fbgraph.front_end.step_track import FIRST_LOOK_BACK_S, LOOK_BACK_S, Peak
 
 _WOBBLE_WINDOW_S, _WOBBLE_STEP_S = 2.0, 0.1
 _TRUSTED = 0.5  # correlation of |acc| from which a rhythm leads the detector
@@ -28,6 +28,7 @@ _SWUNG_RAD_S = 0.8  # and of one on a limb
 _CARRIED_RAD_S = 0.5  # mean tilting of a device that is held, not swung
 _HELD_BACK_S, _REMEMBERED_S = 10.0, LOOK_BACK_S - 1.0  # tops that a run may yet confirm; how far back a step may begin
 _LONG_AFTER_S = 60.0
+_SWUNG_S = FIRST_LOOK_BACK_S - 1.0  # how far back a swing before any step may end
 _BEFORE_S = 12.0  # a swing this soon before the first steps is part of the walk
 _FRAMES_KEPT = int(2.0 * LOOK_BACK_S / FRAME_S)
 _FILL_S = 0.4  # of a shorter period the half cannot be told from the whole
@@ -100,27 +101,35 @@ class StepDetector:
         peak = (value[1:-1] > value[:-2]) & (value[1:-1] >= value[2:]) & (value[1:-1] > past.threshold[1:-1])
         at_peaks = np.flatnonzero(np.where(past.slow[1:-1], peak[:, 1], peak[:, 0])) + 1
         for at in at_peaks[past.index[at_peaks] > past.judged].tolist():
-            runs += self._begun(self._after_silence(int(past.index[at])) + self._judge(at, past))
+            now = int(past.index[at])
+            runs += self._begun(self._after_silence(now) + self._judge(at, past), now)
             self._told = runs[-1][-1].index if runs else self._told
         past.judged = int(past.index[-2]) if len(past.index) > 1 else past.judged
-        runs += self._begun(self._after_silence(past.judged + 1))
+        runs += self._begun(self._after_silence(past.judged + 1), past.judged + 1)
         self._told = runs[-1][-1].index if runs else self._told
         past.trim(int(LOOK_BACK_S * self._rate_hz))
         return runs
 
     def finish(self) -> list[list[Peak]]:
         """The bout, or the swing, that nothing follows."""
-        runs = self._begun(self._after_silence(self._past.judged + int(_LONG_AFTER_S * self._rate_hz)))
-        return [[self._swung]] if not runs and not self._told and self._swung is not None else runs
+        now = self._past.judged
+        runs = self._begun(self._after_silence(now + int(_LONG_AFTER_S * self._rate_hz)), now)
+        swung = self._remembered(now)
+        return [[swung]] if not runs and not self._told and swung is not None else runs
 
-    def _begun(self, runs: list[list[Peak]]) -> list[list[Peak]]:
+    def _remembered(self, now: int) -> Peak | None:
+        """The swing before any step, unless its end is so long ago that its signals are gone."""
+        swung = self._swung
+        return swung if swung is not None and now - swung.index < int(_SWUNG_S * self._rate_hz) else None
+
+    def _begun(self, runs: list[list[Peak]], now: int) -> list[list[Peak]]:
         """Runs, without a swing that no walk follows: before they walk, people shake and turn what they carry."""
         if self._told or not runs:
             return runs
         if len(runs) == 1 and runs[0][0].doubt == _UNRESOLVED_DOUBT:
             self._swung = runs[0][0]
             return []
-        swung, self._swung = self._swung, None
+        swung, self._swung = self._remembered(now), None
         near = swung is not None and runs[0][0].start_index - swung.index < int(_BEFORE_S * self._rate_hz)
         return [[swung], *runs] if near and swung is not None else runs
 

@@ -14,7 +14,7 @@ from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
 from fbgraph.front_end.step_length import flat_length_m
-from fbgraph.front_end.step_track import LOOK_BACK_S, Peak, Step
+from fbgraph.front_end.step_track import FIRST_LOOK_BACK_S, LOOK_BACK_S, Peak, Step
 
 _USUAL_HZ = (1.1, 2.4)  # cadences at which step lengths were measured; nobody knows the runner's and the groper's
 _UNUSUAL_DOUBT = 0.25
@@ -42,7 +42,8 @@ class StepGauge:
         self._rests.push(signals)
         self._climb.push(signals)
         known = signals if self._signals is None else LevelledSignals.concatenate([self._signals, signals])
-        self._signals = known.tail(int(LOOK_BACK_S * self._rate_hz) + len(signals))
+        back_s = LOOK_BACK_S if self._last_end is not None else FIRST_LOOK_BACK_S
+        self._signals = known.tail(int(back_s * self._rate_hz) + len(signals))
 
     def measure(self, run: list[Peak]) -> list[Step]:
         """The steps of a run, the standing start before the very first of all."""

@@ -12,6 +12,8 @@ from fbgraph.core.geometry import FloatArray
 
 LOOK_BACK_S = 12.0
 """Past signals that finding and measuring a step may look at."""
+FIRST_LOOK_BACK_S = 2.0 * LOOK_BACK_S
+"""The same before the first of all, which may be a swing that only a walk soon after it shows to be part of it."""
 
 
 @dataclass(frozen=True)

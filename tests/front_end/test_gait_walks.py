@@ -190,3 +190,22 @@ def test_a_swing_long_before_the_first_steps_is_no_walk() -> None:
     steps = steps_of(swung(walk.log, 5.0, 15.5))
     assert steps[0].t_s > 40.0
     assert max(step.doubt_m for step in steps) < 1.0
+
+
+@pytest.mark.parametrize(("rest_s", "steps"), [(3.0, 1), (120.0, 0)])
+def test_a_swing_that_no_walk_follows_is_told_while_its_signals_are_known(rest_s: float, steps: int) -> None:
+    walk = walked(Walker(bounce_m_s2=4.0, start_hold_s=6.0), 50.0, 2, [(0.0, 0.0, 0.0), (9.0, 0.0, rest_s)])
+    log = swung(walk.log, 5.0, 15.5)
+    pieces = np.arange(1.0, log.duration_s, 1.0).tolist()
+    for found in (steps_of(log), steps_of(log, pieces)):
+        assert len(found[1:]) == steps
+
+
+def test_a_swing_before_the_first_steps_is_the_same_in_any_pieces() -> None:
+    stops = [(0.0, 0.0, 0.0), (9.0, 0.0, 8.0), (21.0, 0.0, 0.0)]
+    walk = walked(Walker(bounce_m_s2=4.0, start_hold_s=6.0), 50.0, 2, stops)
+    log = swung(walk.log, 5.0, 15.5)
+    whole, cut = steps_of(log), steps_of(log, np.arange(1.0, log.duration_s, 1.0).tolist())
+    assert len(whole) > 10
+    said = [np.array([(step.t_s, step.length_m, step.doubt_m) for step in steps]) for steps in (whole, cut)]
+    assert said[1] == pytest.approx(said[0])
