@@ -17,6 +17,7 @@ from fbgraph.integrity.evidence import Check, Doubt, Evidence, SensedCheck
 from fbgraph.integrity.sensor_checks import (
     clock_set,
     cut_off_values,
+    frozen_magnetometer,
     frozen_sensors,
     gravity_against_gyroscope,
     gravitys_size,
@@ -34,6 +35,7 @@ from fbgraph.integrity.solution_checks import (
 from fbgraph.integrity.walk_checks import rhythm, rise_of_a_step, unexplained_time
 
 SENSED_CHECKS: tuple[SensedCheck, ...] = (
+    frozen_magnetometer,
     frozen_sensors,
     silent_sensors,
     cut_off_values,

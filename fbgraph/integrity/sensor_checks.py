@@ -20,6 +20,8 @@ from fbgraph.integrity.evidence import UNKNOWN_TURN_RAD, Doubt, Sensed, stepping
 NAMES = {"acc": "accelerometer", "gyro": "gyroscope", "mag": "magnetometer", "pressure": "barometer"}
 
 _FROZEN_S = {"acc": 1.0, "gyro": 1.0}  # undisturbed: 0.02 s at most
+_FROZEN_MAG_S = 3.0  # undisturbed: 1.5 s, of phones whose compass shows tenths of µT
+_STEP_S = 0.5  # about
 _FASTEST_M_S = 1.5  # while nothing counted steps somebody may have walked on
 _MOVING_RAD_S, _MOVING_M_S2 = 0.1, 0.5  # what the other sensor must have moved, peak to peak
 _SILENT_S = 3.0  # devices end their streams within a second of one another
@@ -62,6 +64,20 @@ def frozen_sensors(walk: Sensed) -> list[Doubt]:
                 sigma_m = _unseen_m(walk, start_s, end_s)
             reason = Reason(NAMES[name], (end_s - start_s) / limit_s, text, advice, start_s, end_s)
             found.append(Doubt(reason, sigma_m))
+    return sorted(found, key=lambda doubt: -doubt.reason.weight)[:1]
+
+
+def frozen_magnetometer(walk: Sensed) -> list[Doubt]:
+    """A magnetometer that repeats one sample while steps are taken: for all that it knows, nobody ever turns."""
+    found = []
+    for start_s, end_s in _repeats(walk.log.mag, _FROZEN_MAG_S):
+        steps = int(((walk.track.t_s > start_s) & (walk.track.t_s < end_s)).sum())
+        if steps * _STEP_S < _FROZEN_MAG_S:
+            continue
+        text = f"the magnetometer repeats one sample from {start_s:.1f} to {end_s:.1f} s, for {steps} steps"
+        advice = "the sensor or its bus hangs: restart the device and walk again"
+        reason = Reason(NAMES["mag"], (end_s - start_s) / _FROZEN_MAG_S, text, advice, start_s, end_s)
+        found.append(Doubt(reason, turned_m(walk.track, UNKNOWN_TURN_RAD, start_s)))
     return sorted(found, key=lambda doubt: -doubt.reason.weight)[:1]
 
 

@@ -14,6 +14,7 @@ from fbgraph.core.sensor_log import SensorLog, Stream
 from fbgraph.integrity.sensor_checks import (
     clock_set,
     cut_off_values,
+    frozen_magnetometer,
     frozen_sensors,
     gravity_against_gyroscope,
     gravitys_size,
@@ -38,9 +39,9 @@ def moving(seed: int, size: float) -> FloatArray:
 
 
 def sane_log(**given: Any) -> SensorLog:
-    """A minute of movement: 3 m/s² about gravity, 0.5 rad/s."""
+    """A minute of movement: 3 m/s² about gravity, 0.5 rad/s, 5 µT."""
     acc = moving(1, 3.0) + np.array([0.0, 0.0, 9.80665])
-    streams = {"acc": Stream(T_S, acc), "gyro": Stream(T_S, moving(2, 0.5))}
+    streams = {"acc": Stream(T_S, acc), "gyro": Stream(T_S, moving(2, 0.5)), "mag": Stream(T_S, 40 + moving(3, 5.0))}
     return hand_log(**(streams | given))
 
 
@@ -56,7 +57,7 @@ def levelled(forward_m_s2: float = 0.0, up_m_s2: float = 9.80665, tilt_rad_s: fl
     return replace(signals, acc_n_m_s2=acc, tilt_rate_rad_s=np.full(count, tilt_rad_s))
 
 
-CHECKS = (frozen_sensors, silent_sensors, cut_off_values, noisy_sensors, sparse_samples, clock_set)
+CHECKS = (frozen_sensors, frozen_magnetometer, silent_sensors, cut_off_values, noisy_sensors, sparse_samples, clock_set)
 
 
 @pytest.mark.parametrize("check", CHECKS)
@@ -104,6 +105,19 @@ def test_a_short_hang_and_one_at_rest_are_none() -> None:
     stuck = replace(log, acc=held(log.acc, 10.0, 16.0), gyro=held(log.gyro, 10.0, 16.0))
     (found,) = frozen_sensors(walk(stuck))
     assert "moves" not in found.reason.text
+
+
+def test_a_magnetometer_that_hangs_while_steps_are_taken_is_named() -> None:
+    """Two steps a second, from 1 s on, until 26 s."""
+    mag = sane_log().mag
+    (found,) = frozen_magnetometer(walk(sane_log(mag=held(mag, 10.0, 16.0))))
+    assert found.reason.kind == "magnetometer"
+    assert "from 10.0 to 16.0 s, for 11 steps" in found.reason.text
+    assert found.reason.weight == pytest.approx(2.0)
+    assert found.sigma_m is not None
+    assert (found.sigma_m[18], found.sigma_m[-1] > 5.0) == (0.0, True)
+    assert frozen_magnetometer(walk(sane_log(mag=held(mag, 10.0, 12.9)))) == []
+    assert frozen_magnetometer(walk(sane_log(mag=held(mag, 27.0, 55.0)))) == []  # nobody walks
 
 
 def test_a_sensor_that_ends_before_the_others_cuts_the_walk() -> None:
