@@ -22,6 +22,7 @@ _LAG_RAD = math.radians(75.0)
 """By which the push follows the bounce: on 94 real walks in hand, on the chest, in bag and pocket it lies between 10
 and 120 degrees, and 75 turns none of them by more than 60."""
 _FEWEST = 4  # samples of a step that show its beat
+_SETTING_OFF = 3  # steps that speed up: what pushes the whole body is not the legs' beat
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,7 @@ class GaitDirection:
 
     def __init__(self) -> None:
         self._before: Beat | None = None
+        self._steps = 0  # of this run
 
     def told(self, step: Step, signals: LevelledSignals, peak: Peak) -> Step:
         """The step of a peak, with its push if it followed upon another, and how the device was held meanwhile.
@@ -49,7 +51,8 @@ class GaitDirection:
             peak: where it began and ended.
         """
         lo, hi = np.searchsorted(signals.index, (peak.start_index + 1, peak.index + 1)).tolist()
-        beat = beat_of(signals, lo, hi, peak)
+        self._steps = 1 if peak.first else self._steps + 1
+        beat = beat_of(signals, lo, hi, peak) if self._steps > _SETTING_OFF else None
         before, self._before = self._before, beat
         lo = min(lo, hi - 1)
         step = replace(

@@ -14,7 +14,8 @@ from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import Peak, Step
 
 LAG = math.radians(75.0)
-PEAKS = [Peak(100, 50, True), Peak(150, 100, False), Peak(200, 150, False), Peak(240, 200, False)]
+PEAKS = [Peak(100, 50, False), Peak(150, 100, False), Peak(200, 150, False), Peak(240, 200, False)]
+SETTING_OFF = [Peak(20, 5, True), Peak(35, 20, False), Peak(50, 35, False)]
 
 
 def walking(count: int = 300, push: float = 0.8, lag: float = LAG, yaw: float = 0.5, **given: Any) -> LevelledSignals:
@@ -26,8 +27,9 @@ def walking(count: int = 300, push: float = 0.8, lag: float = LAG, yaw: float = 
 
 
 def told(signals: LevelledSignals, peaks: list[Peak] = PEAKS[:3]) -> list[Step]:
+    """Of these steps, after three with which one set off."""
     gait = GaitDirection()
-    return [gait.told(hand_step(), signals, peak) for peak in peaks]
+    return [gait.told(hand_step(), signals, peak) for peak in (*SETTING_OFF, *peaks)][3:]
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5, math.pi / 2, 3.0, -2.0])
@@ -64,8 +66,17 @@ def test_sway_lean_and_slow_turning_are_no_push() -> None:
 
 
 def test_a_step_that_does_not_follow_another_tells_nothing() -> None:
-    alone = told(walking(400), [PEAKS[0], PEAKS[1], Peak(300, 250, True), Peak(350, 300, False)])
+    alone = told(walking(400), [PEAKS[0], PEAKS[1], Peak(300, 250, False), Peak(350, 300, False)])
     assert [math.isfinite(step.gait_yaw_rad) for step in alone] == [False, True, False, True]
+
+
+def test_who_sets_off_pushes_the_whole_body() -> None:
+    """Three steps after every stop tell nothing, nor does the fourth, which has none to be added to."""
+    ends = np.arange(50, 500, 50)
+    peaks = [Peak(int(end), int(end) - 50, end in (50, 350)) for end in ends]
+    gait, signals = GaitDirection(), walking(500)
+    pushed = [math.isfinite(gait.told(hand_step(), signals, peak).push_m_s2) for peak in peaks]
+    assert pushed == [False, False, False, False, True, True, False, False, False]
 
 
 def test_nor_does_one_with_a_gap_in_it_or_of_too_few_samples() -> None:
@@ -74,7 +85,7 @@ def test_nor_does_one_with_a_gap_in_it_or_of_too_few_samples() -> None:
     keep[120:125] = False
     holed = LevelledSignals(*(column[keep] for column in (getattr(whole, n) for n in whole.__dataclass_fields__)))
     assert [math.isfinite(step.push_m_s2) for step in told(holed, PEAKS)] == [False, False, False, True]
-    short = told(whole, [Peak(100, 97, True), Peak(104, 100, False), Peak(108, 104, False)])
+    short = told(whole, [Peak(100, 97, False), Peak(104, 100, False), Peak(108, 104, False)])
     assert [math.isfinite(step.push_m_s2) for step in short] == [False, False, True]
 
 
