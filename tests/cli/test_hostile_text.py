@@ -136,6 +136,9 @@ def test_directions_on_a_terminal_are_only_text(edited: Path, tmp_path: Path, fo
     arguments = ("guide", edited, "--format", format_, "--origin", "60,20")
     seen = on_terminal(*arguments)
     assert unseen(seen) == set()
+    if format_ in ("geojson", "gpx"):  # a terminal shows both streams
+        told, seen = seen.split("\n", 1)
+        assert "declination" in told
     fbgraph(*arguments, "--out", tmp_path / "way")
     assert (tmp_path / "way").read_text("utf-8") == seen
     if format_ == "gpx":
