@@ -168,7 +168,7 @@ class StepLengthConfig(Section):
     """Metres per unit slope; slope = |climb rate| / flat walking speed, so stairs shorten the step."""
     kappa: Coefficient = 0.366
     """Metres per fourth root of the peak-to-peak vertical acceleration in m/s²."""
-    min_climb_m_s: NonNegative = 0.1
+    min_climb_m_s: NonNegative = 0.12
     """A slower change of altitude is taken for air pressure, not for slope."""
     start_doubt_m: NonNegative = 1.6
     """Standard deviation of the first step of a log that begins in the middle of a walk: a part of it is missing, the
