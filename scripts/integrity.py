@@ -21,7 +21,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--walks", type=int, default=2000)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--part", type=int, default=1, help="every so manieth seed only; the tests take every 25th")
+    parser.add_argument("--part", type=int, default=1, help="every so manieth seed only; the tests take every 40th")
     parser.add_argument("--kind", default="", help="only walks of this kind")
     parser.add_argument("--only", type=int, help="one seed, in full")
     parser.add_argument("--processes", type=int, default=2)
