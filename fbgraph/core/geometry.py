@@ -48,6 +48,16 @@ def rotate(quat_wxyz: FloatArray, vectors: FloatArray) -> FloatArray:
     return np.asarray(matrix @ vectors)
 
 
+def plane_turns(yaw_rad: FloatArray) -> FloatArray:
+    """(N, 3, 3) from the tangent space of a Pose2, in its body's axes, to (x, y, yaw) of the world."""
+    turns = np.zeros((len(yaw_rad), 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(yaw_rad)
+    turns[:, 1, 0] = np.sin(yaw_rad)
+    turns[:, 0, 1] = -turns[:, 1, 0]
+    turns[:, 2, 2] = 1.0
+    return turns
+
+
 def heading_deg(yaw_rad: float) -> float:
     """Compass heading in [0, 360), clockwise from North, of a yaw counter-clockwise from East. For printing only."""
     return (90.0 - math.degrees(yaw_rad)) % 360.0

@@ -74,7 +74,7 @@ def for_latex(text: str, most: int = MOST_LINE) -> str:
 def for_csv(text: str) -> str:
     """A cell that no spreadsheet runs: what begins like a formula and is no number gets an apostrophe before it."""
     shown = visible(text)
-    return f"'{shown}" if shown.lstrip().startswith(_FORMULA) and not _is_number(shown) else shown
+    return f"'{shown}" if shown.lstrip().startswith(_FORMULA) and not is_number(shown) else shown
 
 
 def for_xml(text: str) -> str:
@@ -98,7 +98,8 @@ def _json_escape(c: str) -> str:
     return "".join(f"\\u{digits[i : i + 4]}" for i in range(0, len(digits), 4))
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether Python reads a text as a number."""
     try:
         float(text)
     except ValueError:

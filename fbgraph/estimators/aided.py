@@ -13,7 +13,7 @@ from gtsam.symbol_shorthand import F, X
 from fbgraph.core.aids import Aids, AnchorFrame
 from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs
 from fbgraph.core.config import GraphConfig
-from fbgraph.core.geometry import FloatArray, IntArray, turned
+from fbgraph.core.geometry import FloatArray, IntArray, plane_turns, turned
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Reason
 from fbgraph.estimators.aid_factors import anchor_sigma_m, anchors_centre
@@ -370,15 +370,5 @@ def _with_frame(
         moved = pushed.optimize()
         own[:, column] = moved.at(F(0)) - still.at(F(0))
         cross[:, :, column] = [moved.at(X(k)) - still.at(X(k)) for k in range(count)]
-    turn = _turns(np.append(yaw_rad, values.atPose2(F(0)).theta()))
+    turn = plane_turns(np.append(yaw_rad, values.atPose2(F(0)).theta()))
     return np.asarray(turn[-1] @ own @ turn[-1].T), np.asarray(turn[:-1] @ cross @ turn[-1].T)
-
-
-def _turns(yaw_rad: FloatArray) -> FloatArray:
-    """(N, 3, 3) from a Pose2's tangent space to (x, y, yaw)."""
-    turn = np.zeros((len(yaw_rad), 3, 3))
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(yaw_rad)
-    turn[:, 1, 0] = np.sin(yaw_rad)
-    turn[:, 0, 1] = -turn[:, 1, 0]
-    turn[:, 2, 2] = 1.0
-    return turn

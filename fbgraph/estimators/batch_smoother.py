@@ -1,4 +1,4 @@
-"""Full smoothing: the whole graph at once, by Levenberg-Marquardt from the EKF's trajectory."""
+"""Full smoothing: the whole graph at once, by Levenberg-Marquardt from headings that were solved first."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gtsam.symbol_shorthand import B, I, L, X, Z
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import Config, GraphConfig, SolverConfig
 from fbgraph.core.errors import EstimationError
-from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.core.geometry import FloatArray, plane_turns, wrap_angle
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.aided import (
     CheckedAids,
@@ -57,9 +57,9 @@ def smooth(
 
     Args:
         track: the steps.
-        seed: where to start, near the answer: the EKF's trajectory.
+        seed: an estimate from the origin, the EKF's: headings are solved from its own and from the gyroscope's.
         graph_config, solver_config: weights and limits.
-        aids: with anchors the result is in their frame, not at the origin.
+        aids: checked against the walk without them first; with anchors the result is in their frame, not at the origin.
         closures: breadcrumbs known to be at the places of earlier ones.
 
     Raises:
@@ -323,9 +323,5 @@ def _trajectory_of(
 
 def body_to_world(covariance: FloatArray, yaw_rad: FloatArray) -> FloatArray:
     """(N, 3, 3) covariances of Pose2 tangent vectors (body frame) as those of (x, y, yaw) in the world frame."""
-    rotation = np.zeros((len(yaw_rad), 3, 3))
-    rotation[:, 0, 0] = rotation[:, 1, 1] = np.cos(yaw_rad)
-    rotation[:, 1, 0] = np.sin(yaw_rad)
-    rotation[:, 0, 1] = -rotation[:, 1, 0]
-    rotation[:, 2, 2] = 1.0
-    return np.asarray(rotation @ covariance @ rotation.transpose(0, 2, 1))
+    turns = plane_turns(yaw_rad)
+    return np.asarray(turns @ covariance @ turns.transpose(0, 2, 1))

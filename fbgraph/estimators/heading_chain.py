@@ -87,10 +87,10 @@ def solve_heading(track: StepTrack, seeds: list[tuple[FloatArray, FloatArray]], 
     Raises:
         EstimationError: there is no finite answer.
     """
-    chains = [HeadingChain(track, config, jumps=True), HeadingChain(track, config, jumps=False)]
+    jumped = bool(track.jump_x_ut.any() or track.jump_y_ut.any())
     tried = [
         (one, one.improved(one.start(yaw_rad, bias_rad_s, iron_ut), _FIRST_TRIES))
-        for one in (chains if len(chains[0].jumps_ut) else chains[1:])
+        for one in (HeadingChain(track, config, jumps=jumps) for jumps in ((True, False) if jumped else (False,)))
         for yaw_rad, bias_rad_s in seeds
         for iron_ut in one.iron_starts()
     ]

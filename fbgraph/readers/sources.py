@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.safe_text import is_number
 from fbgraph.readers.csv_columns import Columns
 
 _POLL_S = 0.2  # how soon a source notices that it should stop
@@ -129,18 +130,10 @@ def _place(address: tuple[str, int] | None) -> str:
 def _holds_row(data: bytes) -> bool:
     """Whether a line of these names an accelerometer, or is numbers enough to be a row; strays may chatter."""
     for line in data.decode("latin-1").splitlines()[:_LOOKED_AT]:
-        numbers = sum(_is_number(field) for field in line.split(","))
+        numbers = sum(is_number(field) for field in line.split(","))
         if numbers >= _ROW_FIELDS or (line.count(",") >= _ROW_FIELDS - 1 and Columns.from_header(line) is not None):
             return True
     return False
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _udp(host: str, port: int, stop: Stop, tell: Tell) -> Iterator[bytes]:
