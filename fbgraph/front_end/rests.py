@@ -77,6 +77,7 @@ class Rests:
         self._begin_limit = int((2 * settle_s + _END_S) * rate_hz)
         self._begin = self._last = np.empty((0, 3))  # time, yaw by gyroscope, yaw by compass: of its begin and end
         self._done: list[_Piece] = []
+        self._jumps_s: list[float] = []  # when the magnetometer's zero jumped
         self._last_index: int | None = None
         self._breaks: list[int] = []  # the last grid index before every gap of the log
 
@@ -88,6 +89,7 @@ class Rests:
         new = len(index) - len(signals)
         holes = np.flatnonzero(index[1:] - index[:-1] > 1)
         self._breaks += index[holes].tolist()
+        self._jumps_s += signals.t_s[signals.field_jump_ut.any(axis=1)].tolist()
         self._last_index = int(signals.index[-1])
         # where a rest goes on after a gap, nobody knows what went on in it
         after_holes = set((holes + 1 - new).tolist())
@@ -124,6 +126,8 @@ class Rests:
         since_s, until_s = begin[0, 0] + settling_s, last[-1, 0] - _REST_TRIM_S
         if until_s - since_s < 1.0:
             return
+        if self._jumped(float(begin[0, 0]), float(last[-1, 0])):  # then it is no turn that the compass shows
+            begin[:, 2] = last[:, 2] = np.nan
         begin, last = (rows[(rows[:, 0] >= since_s) & (rows[:, 0] <= until_s)] for rows in (begin, last))
         rate, sigma = _slope_of(last[:, 0], last[:, 1], _SWAY_RAD)
         if np.isfinite(last[:, 2]).all():
@@ -149,7 +153,14 @@ class Rests:
         rest_s, drift, drift_sigma = (
             sum(getattr(piece.told, name) for piece in ended) for name in ("duration_s", "drift_rad", "drift_sigma_rad")
         )
-        return _across(ended, Rest(rate, sigma, rest_s, drift, drift_sigma))
+        each = Rest(rate, sigma, rest_s, drift, drift_sigma)
+        jumped = self._jumped(ended[0].begin_s, ended[-1].end_s)
+        self._jumps_s = [t_s for t_s in self._jumps_s if t_s > ended[-1].end_s]
+        return each if jumped else _across(ended, each)
+
+    def _jumped(self, since_s: float, until_s: float) -> bool:
+        """Whether the magnetometer was calibrated anew, or a magnet came to stay, meanwhile."""
+        return any(since_s <= t_s <= until_s for t_s in self._jumps_s)
 
     def unbroken_between(self, first: int, last: int) -> bool:
         """Whether the log has no gap between two grid indices."""

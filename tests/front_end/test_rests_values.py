@@ -1,6 +1,7 @@
 """Rests of known bias: rate, standard deviation and duration by hand."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -264,3 +265,33 @@ def test_a_pause_of_many_rests_is_known_as_a_whole_by_the_compass_at_its_ends() 
     settled = 45.0 - 2 * SETTLE_S - TRIM_S - 0.01
     assert blind.duration_s == pytest.approx(7 * settled + 45.0 - TRIM_S - 0.01)
     assert blind.drift_rad == pytest.approx(BIAS * blind.duration_s, rel=0.01)
+
+
+def calibrated_at(signals: LevelledSignals, at_s: float) -> LevelledSignals:
+    """The same, the magnetometer's zero jumping at a time by what turns the compass by half a radian."""
+    jump = np.zeros((len(signals), 2))
+    jump[np.searchsorted(signals.t_s, at_s)] = 20.0
+    off = np.where(signals.t_s >= at_s, 0.5, 0.0)
+    return replace(signals, field_jump_ut=jump, yaw_mag_rad=signals.yaw_mag_rad + off)
+
+
+def test_a_magnetometer_calibrated_in_a_rest_shows_no_turn() -> None:
+    rest = still(60.0, **swaying(60.0, bias=0.005, drift=0.0))
+    told = rest_of(calibrated_at(rest, 30.0), moving(1.0, 60.0))
+    assert told.drift_rad == pytest.approx(0.005 * told.duration_s, abs=1e-6)
+    assert told.rate_rad_s == pytest.approx(0.005, abs=1e-6)
+
+
+def test_nor_in_the_movement_between_two_rests_of_a_pause() -> None:
+    between = moving(60.0, 20.0, **swaying(60.0, 0.005, 0.0, 20.0))
+    parts = [
+        still(20.0, **swaying(20.0, bias=0.005, drift=0.0)),
+        between,
+        calibrated_at(between, 50.0),
+    ]
+    last = still(20.0, 80.0, **swaying(20.0, 0.005, 0.0, 80.0))
+    jumped = replace(last, yaw_mag_rad=last.yaw_mag_rad + 0.5)
+    without, with_jump = (rest_of(parts[0], middle, jumped, moving(1.0, 100.0)) for middle in parts[1:])
+    assert without.duration_s > 90.0  # by the compass at its ends
+    assert with_jump.duration_s < 40.0  # by each rest alone
+    assert with_jump.drift_rad == pytest.approx(0.005 * with_jump.duration_s, abs=1e-3)
