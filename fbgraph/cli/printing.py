@@ -77,7 +77,7 @@ def progress_bar() -> Iterator[Progress]:
 def print_summary(summary: dict[str, Any]) -> None:
     """What a run found, from its summary."""
     log = summary["log"]
-    low, high = summary["altitude_range_m"]
+    low, high = (round(value, 1) + 0.0 for value in summary["altitude_range_m"])  # no -0.0
     altitude = f"altitude {low:+.1f} to {high:+.1f} m" if log["samples"]["pressure"] else "no barometer"
     minutes, seconds = divmod(round(log["duration_s"]), 60)
     name = short_name(log["name"])

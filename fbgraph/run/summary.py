@@ -147,13 +147,14 @@ def summary_markdown(summary: dict[str, Any]) -> str:
     why = for_markdown(summary["failed"].get("smoothed", ""))
     integrity = Integrity.from_dict(summary.get("integrity"))
     verdict, *reasons = verdict_lines(integrity)
+    altitude = f"altitude {low:+.1f} to {high:+.1f} m" if summary["log"]["samples"]["pressure"] else "no barometer"
     lines = [
         f"# {for_markdown(summary['log']['name'], MOST_NAME)}",
         f"**{for_markdown(verdict[0].upper() + verdict[1:])}.**",
         *(f"- {for_markdown(reason)}" for reason in reasons),
         "",
         f"{summary['log']['duration_s']:.0f} s of log, {summary['steps']} steps, "
-        f"{summary['distance_m']:.0f} m as smoothed, {turns}, altitude {low:+.1f} to {high:+.1f} m.",
+        f"{summary['distance_m']:.0f} m as smoothed, {turns}, {altitude}.",
         *([f"\n**No smoothed walk: what is drawn as smoothed is the EKF's.** {why}"] if best == "ekf" else []),
         "",
         f"{_ends_text(smoothed['end_m'], summary)}.",
