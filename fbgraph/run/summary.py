@@ -163,25 +163,7 @@ def summary_markdown(summary: dict[str, Any]) -> str:
         lines.append(f"\nD{for_markdown(declination['text'][1:])}.")
     findings = summary.get("findings", [])
     lines += [f"\nThe {f['text']}." for f in findings if f["kind"] == "gyro_bias"]
-    lines += [
-        "",
-        "| estimator | ends East, North (m) | RMSE (m) | max (m) | last (m) | told of |",
-        "|---|---|---|---|---|---|",
-    ]
-    told = {"unaided": "nothing", "closed": "its end is its start", "anchored": "anchors"}
-    way_back = summary.get("return") or {}
-    closures, doubted = way_back.get("closures", 0), way_back.get("closures_doubted", 0)
-    let_go = f", {doubted} doubted" if doubted else ""
-    for name, entry in summary["estimators"].items():
-        x_m, y_m, _ = (round(value, 1) + 0.0 for value in entry["end_m"])
-        row = f"| {LABELS[name]} | {x_m:.1f}, {y_m:.1f} |"
-        if "score" in entry:
-            s = entry["score"]
-            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {told[s['label']]}"
-            row += f"; found {closures} closures{let_go} |" if closures and name == "smoothed" else " |"
-        else:
-            row += " – | – | – | no truth |"
-        lines.append(row)
+    lines += ["", *_estimator_table(summary)]
     if "score" in smoothed:
         lines += [
             "",
@@ -201,6 +183,29 @@ def summary_markdown(summary: dict[str, Any]) -> str:
         )
         lines.append(f"- {when}: {f['text']}")
     return "\n".join(lines) + "\n"
+
+
+def _estimator_table(summary: dict[str, Any]) -> list[str]:
+    """Where each estimator ends and how far it is from the truth, as lines of a Markdown table."""
+    lines = [
+        "| estimator | ends East, North (m) | RMSE (m) | max (m) | last (m) | told of |",
+        "|---|---|---|---|---|---|",
+    ]
+    told = {"unaided": "nothing", "closed": "its end is its start", "anchored": "anchors"}
+    way_back = summary.get("return") or {}
+    closures, doubted = way_back.get("closures", 0), way_back.get("closures_doubted", 0)
+    let_go = f", {doubted} doubted" if doubted else ""
+    for name, entry in summary["estimators"].items():
+        x_m, y_m, _ = (round(value, 1) + 0.0 for value in entry["end_m"])
+        row = f"| {LABELS[name]} | {x_m:.1f}, {y_m:.1f} |"
+        if "score" in entry:
+            s = entry["score"]
+            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {told[s['label']]}"
+            row += f"; found {closures} closures{let_go} |" if closures and name == "smoothed" else " |"
+        else:
+            row += " – | – | – | no truth |"
+        lines.append(row)
+    return lines
 
 
 def _ends_text(end_m: list[float], summary: dict[str, Any]) -> str:
