@@ -1,0 +1,64 @@
+"""A table as somebody's logger wrote it: columns with names, perhaps units, of numbers or of text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
+
+from fbgraph.core.geometry import IntArray
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Attributes:
+        name: as written, without quotes and blanks around it; ``""`` if the table has no header.
+        unit: what a row of units says under it; ``""`` if there is no such row.
+        values: (N,) int64 if every field is a whole number, float64 (nan where a field is empty or says "no value") if
+            nearly every filled field is a number, else object: text, None where empty.
+        unreadable: filled fields of a column of numbers that are none; they are nan.
+    """
+
+    name: str
+    unit: str
+    values: NDArray[Any]
+    unreadable: int = 0
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it holds words, dates or times of day rather than numbers."""
+        return self.values.dtype == object
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of one kind, in the order in which they were written.
+
+    Attributes:
+        name: of the file inside its folder or zip, without folder and endings (``Accelerometer``); of the sensor where
+            a file holds rows of several kinds.
+        source: for messages: ``walk.zip/Accelerometer.csv``.
+        columns: in the order of the file.
+        headed: whether a header named them.
+        how: how it was written, for people: ``semicolons, decimal comma, UTF-16``.
+        widths: (N,) fields that each row really had, where some rows are shorter than the header; None otherwise.
+        remarks: comment lines and lines before the header, without their marks; at most some hundred.
+        counts: rows that are not here, by reason.
+    """
+
+    name: str
+    source: str
+    columns: tuple[Column, ...]
+    headed: bool = True
+    how: str = ""
+    widths: IntArray | None = None
+    remarks: tuple[str, ...] = ()
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Its rows."""
+        return len(self.columns[0].values) if self.columns else 0
