@@ -1,0 +1,202 @@
+"""A layout applied to tables: samples in SI along the device's axes, as the cleaning takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, drop_repeats
+from fbgraph.readers.clocks import Clock, clock_ns
+from fbgraph.readers.decide import values_of, whole_rows
+from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout
+from fbgraph.readers.restarts import continue_restarts
+from fbgraph.tables.table import Table
+
+_SAID_SHARE = 0.01
+"""Of rows or fields: when more are lost, it is said."""
+
+
+@dataclass(frozen=True)
+class _Timed:
+    """A table with its times: ``t_ns`` (N,), ``good`` (N,) rows that can be used."""
+
+    table: Table
+    t_ns: IntArray
+    good: BoolArray
+
+
+def apply_layout(tables: Sequence[Table], layout: Layout, source: object) -> RawLog:
+    """What a log's tables hold by a layout.
+
+    Args:
+        tables: of the log.
+        layout: what was decided, or what the user says.
+        source: for messages.
+
+    Raises:
+        DataError: a table or column that the layout names is not there.
+    """
+    raw = RawLog()
+    timed: dict[int, _Timed] = {}
+    wanted = {name: (find_table(tables, stream.table, source), stream) for name, stream in layout.streams.items()}
+    for i in sorted({i for i, _ in wanted.values()}):
+        of_table = [(name, stream) for name, (j, stream) in wanted.items() if j == i]
+        timed[i] = _timed(tables[i], layout, of_table, raw, source)
+    for name, (i, stream) in wanted.items():
+        one = timed[i]
+        values = stream_values(one.table, stream, source)
+        if stream.gravity is not None:
+            values = values + _gravity(tables, layout, stream.gravity, one.t_ns, source) @ stream.rotation.T
+        there = one.good & ~np.isnan(values).all(axis=1)
+        if not there.any():
+            continue
+        raw.streams[name] = RawStream(one.t_ns[there], values[there])
+        if name in ("mag", "pressure"):
+            raw.streams[name] = drop_repeats(raw.streams[name])
+            if repeats := int(there.sum()) - len(raw.streams[name].t_ns):
+                raw.counts[f"{name}_repeats"] = repeats
+    if layout.event is not None:
+        i = find_table(tables, layout.event[0], source)
+        if i in timed:
+            raw.events = _events(timed[i], find_column(tables[i], layout.event[1], source))
+    _tell_losses([one.table for one in timed.values()], raw)
+    return raw
+
+
+def find_table(tables: Sequence[Table], name: str, source: object) -> int:
+    """Place of a table that a layout names.
+
+    Raises:
+        DataError: it is not there.
+    """
+    if name == ANY:
+        return max(range(len(tables)), key=lambda i: len(tables[i]))
+    for i, table in enumerate(tables):
+        if table.name == name:
+            return i
+    there = ", ".join(table.name for table in tables[:12])
+    raise DataError(f"{source}: the layout names a table {name!r}, there are {there}")
+
+
+def find_column(table: Table, name: str, source: object) -> int:
+    """Place of a column that a layout names.
+
+    Raises:
+        DataError: it is not there.
+    """
+    if name.startswith("#") and name[1:].isdecimal() and 0 < int(name[1:]) <= len(table.columns):
+        return int(name[1:]) - 1
+    for i, column in enumerate(table.columns):
+        if column.name == name:
+            return i
+    there = ", ".join(column.name or f"#{i + 1}" for i, column in enumerate(table.columns[:20]))
+    raise DataError(f"{source}: the layout names a column {name!r}, {table.source} has {there}")
+
+
+def stream_values(table: Table, stream: StreamLayout, source: object) -> FloatArray:
+    """(N, D) values of a sensor in SI, along the device's axes."""
+    values = values_of(table, [find_column(table, name, source) for name in stream.columns]) * stream.scale
+    return values if values.shape[1] == 1 else values @ stream.rotation.T
+
+
+def clock_of(table: Table, layout: Layout, source: object) -> Clock:
+    """What a layout says tells the time of a table.
+
+    Raises:
+        DataError: nothing does.
+    """
+    clocks: list[ClockLayout] = [clock for clock in layout.clocks if clock.table in (table.name, ANY)]
+    if not clocks:
+        raise DataError(f"{source}: the layout says nothing of the time of {table.source}: give it a [[clocks]] entry")
+    clock = clocks[0]
+    columns = tuple(find_column(table, name, source) for name in clock.columns)
+    return Clock(clock.kind, columns, clock.tick_ns, clock.wrap, "as laid out")
+
+
+def _timed(
+    table: Table, layout: Layout, streams: Sequence[tuple[str, StreamLayout]], raw: RawLog, source: object
+) -> _Timed:
+    """A table's times, and which of its rows are to be trusted.
+
+    A row with an acceleration or rate that no such sensor can give, or with an impossible time, is corrupted: its other
+    numbers are not to be trusted either.
+    """
+    t_ns = clock_ns(table, clock_of(table, layout, source))
+    whole = whole_rows(table, layout.row_widths)
+    sound = np.abs(t_ns) <= MAX_T_NS
+    for name, stream in streams:
+        if name in ("acc", "gyro"):
+            values = values_of(table, [find_column(table, column, source) for column in stream.columns])
+            sound &= ~(np.abs(values * stream.scale) > LIMITS[name]).any(axis=1)
+    _count(raw, "lines_unreadable", int((~whole).sum()) + sum(table.counts.get(why, 0) for why in _UNREADABLE))
+    _count(raw, "rows_impossible", int((whole & ~sound).sum()))
+    for reason, number in table.counts.items():
+        if reason not in _UNREADABLE:
+            _count(raw, reason, number)
+    good = whole & sound
+    went_on, restarts = continue_restarts(t_ns[good])
+    if restarts:
+        _count(raw, "clock_restarts", restarts)
+        raw.notices.append(f"the device's clock restarted {restarts} times; later times go on from the last row")
+        t_ns = t_ns.copy()
+        t_ns[good] = went_on
+    return _Timed(table, t_ns, good)
+
+
+_UNREADABLE = ("lines_unreadable", "rows_too_long")
+
+
+def _count(raw: RawLog, reason: str, number: int) -> None:
+    if number:
+        raw.counts[reason] = raw.counts.get(reason, 0) + number
+
+
+def _gravity(
+    tables: Sequence[Table], layout: Layout, stream: StreamLayout, t_ns: IntArray, source: object
+) -> FloatArray:
+    """(N, 3) gravity at some moments, in the columns' own axes."""
+    table = tables[find_table(tables, stream.table, source)]
+    values = values_of(table, [find_column(table, name, source) for name in stream.columns]) * stream.scale
+    its_ns = clock_ns(table, clock_of(table, layout, source))
+    good = np.isfinite(values).all(axis=1) & (np.abs(its_ns) <= MAX_T_NS)
+    if not good.any():
+        return np.full((len(t_ns), 3), np.nan)
+    its_s, at_s = (its_ns[good] - its_ns[good][0]) * 1e-9, (t_ns - its_ns[good][0]) * 1e-9
+    order = np.argsort(its_s, kind="stable")
+    return np.column_stack([np.interp(at_s, its_s[order], axis[order]) for axis in values[good].T])
+
+
+def _events(timed: _Timed, column: int) -> list[tuple[int, str]]:
+    """Events where they begin: a button held down fills many rows."""
+    values = timed.table.columns[column].values
+    filled = np.flatnonzero([value is not None for value in values] if values.dtype == object else ~np.isnan(values))
+    begun, last = [], (-2, "")
+    for row in filled.tolist():
+        value = values[row]
+        text = value.strip() if isinstance(value, str) else f"{value:g}"
+        if not text or not timed.good[row]:
+            continue
+        if text != "0" and last != (row - 1, text):
+            begun.append((int(timed.t_ns[row]), text))
+        last = (row, text)
+    return begun
+
+
+def _tell_losses(tables: Sequence[Table], raw: RawLog) -> None:
+    """Say it where more than one row or field in a hundred was lost."""
+    rows = sum(map(len, tables))
+    lost = {why: raw.counts[why] for why in ("lines_unreadable", "rows_impossible") if raw.counts.get(why)}
+    if sum(lost.values()) > _SAID_SHARE * max(rows, 1):
+        said = " and ".join(f"{number} {_SAID[why]}" for why, number in lost.items())
+        raw.notices.append(f"of {rows + raw.counts.get('rows_too_long', 0)} rows, {said} are left out")
+    for table in tables:
+        for column in table.columns:
+            if column.unreadable > _SAID_SHARE * max(len(table), 1):
+                raw.notices.append(f"{column.unreadable} fields of column {column.name} are no numbers: left out")
+
+
+_SAID = {"lines_unreadable": "that cannot be read", "rows_impossible": "with impossible numbers"}

@@ -1,0 +1,251 @@
+"""Names propose, physics decides: from tables to the one layout by which a log is read.
+
+A file, a folder and the first lines of a live walk are decided by the same rule; a live walk keeps what was decided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.core.sensor_log import Stream
+from fbgraph.readers.cleaning import MAX_T_NS
+from fbgraph.readers.choosing import Chosen, Pick, choose
+from fbgraph.readers.clocks import Clock, clock_ns, find_clock
+from fbgraph.readers.column_names import Guess, guess_columns
+from fbgraph.readers.formats import format_of
+from fbgraph.readers.judge_sensors import Judged, judge_sensors
+from fbgraph.readers.judgement import Judgement
+from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout
+from fbgraph.readers.sensor_axes import told_axes
+from fbgraph.readers.units import UNITS, shown
+from fbgraph.tables.table import Table
+
+SENSORS = ("acc", "gyro", "mag", "pressure")
+_COMMON_SHARE = 0.01  # of rows, from which a shorter one is a habit of the logger, not a line cut short
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a log was read, and why.
+
+    Attributes:
+        layout: what was decided.
+        guesses: of each table, what its columns may be.
+        chosen: which of them are used.
+        judged: units, signs and axes by physics.
+        clocks: of each table in use, by its place.
+        notices: what people should know.
+    """
+
+    layout: Layout
+    guesses: tuple[tuple[Guess, ...], ...]
+    chosen: Chosen
+    judged: Judged
+    clocks: Mapping[int, Clock] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()
+
+    @property
+    def sure(self) -> bool:
+        """Whether nothing was left to assume, so that more of the log would decide no otherwise."""
+        found = (self.judged.acc, self.judged.gyro, self.judged.mag, self.judged.pressure)
+        return self.judged.axes_told and all(judgement is None or judgement.sure for judgement in found)
+
+
+def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None) -> Reading:
+    """How a log's tables are to be read.
+
+    Args:
+        tables: all of the log's.
+        source: for messages.
+        rate_hz: of the samples, where the user says so.
+
+    Raises:
+        DataError: no accelerometer with gravity, no gyroscope, or a clock that cannot be read; with what to do.
+    """
+    names = tuple(table.name for table in tables)
+    guesses = tuple(guess_columns(table, names) for table in tables)
+    chosen = choose(tables, guesses)
+    picks = chosen.picks
+    _require_inertial(tables, chosen, source)
+    used = sorted({picks[name].table for name in (*SENSORS, "linear_acc", "gravity") if name in picks})
+    labels = [table for i, table in enumerate(tables) if i not in used]
+    clocks = {i: find_clock(tables[i], guesses[i], rate_hz, labels) for i in used}
+    t_ns = {i: clock_ns(tables[i], clock) for i, clock in clocks.items()}
+    widths = {i: row_widths(tables[i], guesses[i]) for i in used}
+    samples = {
+        name: _samples(tables[pick.table], pick, t_ns[pick.table], widths[pick.table])
+        for name, pick in picks.items()
+        if pick.table in clocks and name in (*SENSORS, "linear_acc", "gravity")
+    }
+    named = {name: UNITS[name][pick.unit] for name, pick in picks.items() if name in SENSORS and pick.unit}
+    if "acc" not in samples:
+        samples["acc"], named["acc"] = _restored(samples, picks), 1.0
+    judged = judge_sensors(samples["acc"], samples["gyro"], samples.get("mag"), samples.get("pressure"), named)
+    if judged.acc.gravity_removed:
+        raise DataError(f"{source}: {_NO_GRAVITY}")
+    layout = _layout(tables, chosen, judged, clocks, widths)
+    texts = (*chosen.notes, *dict.fromkeys(clock.text for clock in clocks.values() if clock.text), *judged.texts)
+    return Reading(layout, guesses, chosen, judged, clocks, texts)
+
+
+_NO_GRAVITY = (
+    "the accelerometer has gravity removed, so that nothing tells which way is down: log the acceleration with "
+    "gravity (phyphox: Accelerometer, not Linear Accelerometer; Sensor Logger: TotalAcceleration, or Gravity beside "
+    "Accelerometer)"
+)
+
+
+def _require_inertial(tables: Sequence[Table], chosen: Chosen, source: object) -> None:
+    """Refuse what is no log of a walk, and say what it lacks."""
+    picks = chosen.picks
+    if "acc" not in picks and not {"linear_acc", "gravity"} <= picks.keys():
+        if "linear_acc" in picks:
+            raise DataError(f"{source}: {_NO_GRAVITY}")
+        if not any(table.headed for table in tables):
+            raise DataError(
+                f"{source}: no header names the columns: put one before the first row, such as "
+                "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps, or say in a layout what they are (--layout FILE)"
+            )
+        raise DataError(f"{source}: no accelerometer: {_seen(tables)}; name its columns like ax_g,ay_g,az_g")
+    if "gyro" not in picks:
+        raise DataError(
+            f"{source}: no gyroscope: {_seen(tables)}; a walk cannot be reconstructed without one: "
+            "log it too, or name its columns like gx_dps,gy_dps,gz_dps"
+        )
+
+
+def _seen(tables: Sequence[Table]) -> str:
+    """What columns there are."""
+    names = [column.name for table in tables for column in table.columns if column.name]
+    return f"the columns are {', '.join(names[:12])}{', …' if len(names) > 12 else ''}" if names else "no names"
+
+
+def row_widths(table: Table, guesses: Sequence[Guess]) -> tuple[int, ...]:
+    """How many fields rows of a table may have besides all: where many end early, between two sensors.
+
+    A row of any other length was cut short, or lost a separator: its numbers may stand in the wrong columns.
+    """
+    if table.widths is None:
+        return ()
+    full = len(table.columns)
+    best = {guess.column: guess for guess in reversed(guesses)}
+    counts = np.bincount(table.widths, minlength=full + 1)
+    return tuple(
+        width
+        for width in range(1, full)
+        if counts[width] >= max(_COMMON_SHARE * len(table), 3) and _ends_a_sensor(best, width)
+    )
+
+
+def _ends_a_sensor(best: Mapping[int, Guess], width: int) -> bool:
+    before, after = best.get(width - 1), best.get(width)
+    if before is None or after is None:
+        return True
+    same = (before.quantity, before.sensor, before.grade) == (after.quantity, after.sensor, after.grade)
+    return not (same and after.axis not in ("", "x"))
+
+
+def whole_rows(table: Table, widths: Sequence[int]) -> BoolArray:
+    """(N,) which rows have all fields, or as many as the layout allows."""
+    if table.widths is None:
+        return np.ones(len(table), dtype=bool)
+    whole: BoolArray = np.isin(table.widths, (len(table.columns), *widths))
+    return whole
+
+
+def values_of(table: Table, columns: Sequence[int]) -> FloatArray:
+    """(N, D) numbers of some columns; nan where there is none."""
+    arrays = [table.columns[i].values for i in columns]
+    return np.column_stack([np.full(len(table), np.nan) if a.dtype == object else a.astype(float) for a in arrays])
+
+
+def _samples(table: Table, pick: Pick, t_ns: IntArray, widths: Sequence[int]) -> Stream:
+    """What a pick's columns hold, in order of time, with the signs that its app is known to need."""
+    values = values_of(table, pick.columns)
+    good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS) & whole_rows(table, widths)
+    t, values = t_ns[good], values[good] * np.array(pick.signs)
+    if len(t) and not (np.diff(t) > 0).all():
+        t, first = np.unique(t, return_index=True)
+        values = values[first]
+    return Stream((t - (t[0] if len(t) else 0)) * 1e-9, values)
+
+
+def _restored(samples: Mapping[str, Stream], picks: Mapping[str, Pick]) -> Stream:
+    """The accelerometer with gravity, m/s²: what is left without it, and gravity at those moments."""
+    linear, gravity = samples["linear_acc"], samples["gravity"]
+    scales = {name: UNITS[name].get(picks[name].unit, 1.0) for name in ("linear_acc", "gravity")}
+    down = np.column_stack([np.interp(linear.t_s, gravity.t_s, axis) for axis in gravity.values.T])
+    return Stream(linear.t_s, linear.values * scales["linear_acc"] + down * scales["gravity"])
+
+
+def _layout(
+    tables: Sequence[Table],
+    chosen: Chosen,
+    judged: Judged,
+    clocks: Mapping[int, Clock],
+    widths: Mapping[int, tuple[int, ...]],
+) -> Layout:
+    """What was decided, as a layout."""
+    picks, judgements = chosen.picks, vars(judged)
+    many = len(tables) > 1
+    streams: dict[str, StreamLayout | None] = {}
+    for name in SENSORS:
+        judgement: Judgement | None = judgements[name]
+        source = "linear_acc" if name == "acc" and "acc" not in picks else name
+        if judgement is None or source not in picks or not np.isfinite(judgement.scale):
+            streams[name] = None
+            continue
+        streams[name] = _stream(tables, picks[source], judgement, many)
+        if source == "linear_acc":
+            gravity = _stream(tables, picks["gravity"], None, many)
+            scale = UNITS["linear_acc"].get(picks[source].unit, 1.0) * judgement.scale
+            streams[name] = streams[name].model_copy(update={"gravity": gravity, "scale": scale})  # type: ignore[union-attr]
+    event = picks.get("event")
+    about = format_of(chosen.apps, tables)
+    return Layout(
+        app=about.name,
+        preset=about.preset,
+        row_widths=tuple(sorted(set().union(*widths.values()))),
+        event=None if event is None else (_table(tables, event.table, many), _column(tables[event.table], event.columns[0])),
+        clocks=tuple(_clock(tables, i, clock, many) for i, clock in clocks.items()),
+        **streams,
+    )
+
+
+def _stream(tables: Sequence[Table], pick: Pick, judgement: Judgement | None, many: bool) -> StreamLayout:
+    table = tables[pick.table]
+    single = len(pick.columns) == 1
+    axes = np.eye(3) if judgement is None or single else judgement.axes
+    signed = axes if single else axes @ np.diag(pick.signs)
+    return StreamLayout(
+        table=_table(tables, pick.table, many),
+        columns=tuple(_column(table, i) for i in pick.columns),
+        unit=shown(pick.unit) if judgement is None else judgement.unit,
+        scale=UNITS[pick.quantity].get(pick.unit, 1.0) if judgement is None else judgement.scale,
+        axes=tuple(told_axes(signed).split(", ")),
+    )
+
+
+def _clock(tables: Sequence[Table], i: int, clock: Clock, many: bool) -> ClockLayout:
+    return ClockLayout(
+        table=_table(tables, i, many),
+        columns=tuple(_column(tables[i], column) for column in clock.columns),
+        kind=clock.kind,
+        tick_ns=clock.tick_ns,
+        wrap=int(clock.wrap),
+    )
+
+
+def _table(tables: Sequence[Table], i: int, many: bool) -> str:
+    return tables[i].name if many else ANY
+
+
+def _column(table: Table, i: int) -> str:
+    """A column as a layout names it: by its place where its name does not tell it from the others."""
+    name = table.columns[i].name
+    return name if name and [column.name for column in table.columns].count(name) == 1 else f"#{i + 1}"
