@@ -60,15 +60,15 @@ def simulate(
 @app.command()
 def formats(as_json: JsonOption = False) -> None:
     """List the log formats that can be read, with an example of each."""
-    from fbgraph.readers import FORMATS, reader
+    from fbgraph.readers import FORMATS, log_format
 
-    known = {name: reader(name) for name in FORMATS}
+    known = [log_format(name) for name in FORMATS]
     if as_json:
-        say_json([{"name": n, "description": r.DESCRIPTION, "example": r.EXAMPLE} for n, r in known.items()])
+        say_json([{"name": f.name, "description": f.description, "example": f.example} for f in known])
         return
-    for name, module in known.items():
-        say(f"{name}: {module.DESCRIPTION}")
-        lines = "".join(f"    {line}\n" for line in module.EXAMPLE.strip().splitlines())
+    for one in known:
+        say(f"{one.name}: {one.description}")
+        lines = "".join(f"    {line}\n" for line in one.example.strip().splitlines())
         say_document(f"{lines}\n", for_reading=True)
 
 

@@ -1,8 +1,9 @@
-"""Readers: one format a file, found by content or named by ``--format``.
+"""Readers: from a file, folder or zip to one walk's samples, its format found by content or named by ``--format``.
 
-A reader is a module with ``NAME``, ``DESCRIPTION`` (one line), ``EXAMPLE`` (a few lines of such a log), ``PRESET``
-(the configuration for the devices that write it), ``detects(head) -> bool`` and ``read(source) -> RawLog``. To add one,
-write the module and list it in ``FORMATS``; modules are imported only when asked for.
+Formats whose lines are tagged have a module of their own, with ``FORMAT``, ``detects(head) -> bool`` and
+``read(text) -> RawLog``: write it and name it in ``TAGGED``. All others are tables: ``readers.decide`` says what their
+columns are (names propose, physics decides), ``readers.apply_layout`` reads them so; an app whose names mislead is one
+entry in ``readers.app_layouts``, and one in ``readers.formats`` to be listed.
 """
 
 from __future__ import annotations
@@ -12,71 +13,138 @@ from pathlib import Path
 from types import ModuleType
 
 from fbgraph.core.errors import ConfigError, DataError
-from fbgraph.readers.cleaning import LogFile, assemble
-from fbgraph.tables.log_text import LogText, log_text
+from fbgraph.readers.apply_layout import apply_layout
+from fbgraph.readers.cleaning import LogFile, RawLog, assemble
+from fbgraph.readers.decide import Reading, decide
+from fbgraph.readers.formats import TABLE_FORMATS, LogFormat
+from fbgraph.readers.layout import Layout, read_layout
+from fbgraph.readers.truth_columns import truth_of
+from fbgraph.tables import nothing_in, tables_of
+from fbgraph.tables.log_text import LogText
+from fbgraph.tables.members import members
+from fbgraph.tables.table import Table
 
-FORMATS = ("getsensordata", "indoor_location", "m5stickc")
-"""In the order in which detection asks them; the plain CSV last."""
-
+TAGGED = ("getsensordata", "indoor_location")
+"""Formats with a reader of their own, in the order in which detection asks them."""
+FORMATS = (*TAGGED, *(known.name for known in TABLE_FORMATS))
+"""Names that ``--format`` takes; those of tables are all read alike."""
+SAVED_LAYOUT = "layout.toml"
+"""Beside the raw lines of a live walk: how they were read while it went on."""
 _HEAD_CHARS = 20_000
 
 
-def reader(name: str) -> ModuleType:
-    """The reader of this name.
+def log_format(name: str) -> LogFormat:
+    """The format of this name.
 
     Raises:
         ConfigError: there is none.
     """
-    if name not in FORMATS:
+    if name in TAGGED:
+        found: LogFormat = _reader(name).FORMAT
+        return found
+    known = next((known for known in TABLE_FORMATS if known.name == name), None)
+    if known is None:
         raise ConfigError(f"no format named {name!r}; there are {', '.join(FORMATS)}")
-    return import_module(f"fbgraph.readers.{name}")
+    return known
 
 
 def preset(format_name: str) -> str:
     """Name of the configuration preset for the devices that write this format."""
-    return str(reader(format_name).PRESET)
+    return log_format(format_name).preset
 
 
-def detect(source: Path | LogText) -> str:
-    """Name of the format of a log, by its content.
-
-    Raises:
-        DataError: unreadable, empty, binary, or no reader knows it.
-    """
-    text = log_text(source)
-    path, head = text.source, text.head(_HEAD_CHARS)
-    if not head.strip() and text.too_long:
-        raise DataError(f"{path}: not a log: it holds nothing but lines of more than 64 KiB")
-    if not head.strip() and not text.binary:
-        raise DataError(f"{path}: the file is empty; record or copy it again")
-    for name in FORMATS:
-        if reader(name).detects(head):
-            return name
-    if text.binary:
-        raise DataError(f"{path}: a binary file, not a log; `fbgraph formats` lists what can be read")
-    first = head.lstrip().splitlines()[0][:60]
-    raise DataError(f"{path}: unknown format (it begins {first!r}); `fbgraph formats` lists what can be read")
-
-
-def read_log(path: str | Path, format_name: str | None = None, max_size: int | None = None) -> LogFile:
-    """Read a log, and the truth its file may carry.
+def read_log(
+    path: str | Path,
+    format_name: str | None = None,
+    max_size: int | None = None,
+    *,
+    layout: str | Path | None = None,
+    rate_hz: float | None = None,
+) -> LogFile:
+    """Read a log, and the truth that it may carry.
 
     Args:
-        path: a log file or pipe, gzipped or not; it is read once.
+        path: a log file or pipe, gzipped or not, a folder or a zip; it is read once.
         format_name: one of ``FORMATS``; found by content if None.
-        max_size: bytes of text that are read at most; 1 GiB if None, and no .gz that grows as none of a walk does.
+        max_size: bytes of text that are read at most; 1 GiB if None, and nothing that grows as none of a walk does.
+        layout: a file that says what the columns of its tables are; decided by names and physics if None.
+        rate_hz: of the samples, for tables without a clock.
 
     Raises:
         DataError: nothing usable; the message says why.
-        ConfigError: no such format.
+        ConfigError: no such format, or a layout that is none.
     """
     path = Path(path)
-    chosen = None if format_name is None else reader(format_name)
-    text = log_text(path, max_size)
-    name = format_name or detect(text)
-    raw = (chosen or reader(name)).read(text)
+    if format_name is not None:
+        log_format(format_name)
+    laid_out = _layout_beside(path) if layout is None else read_layout(Path(layout))
+    tagged, tables, left_out = _contents(path, format_name, max_size)
+    if tagged is not None:
+        name, raw = tagged
+        return assemble(raw, path, name)
+    raw, reading = read_table_log(tables, path, laid_out, rate_hz, left_out)
+    named = reading.layout.app if format_name in (None, *TAGGED) else str(format_name)
+    return assemble(raw, path, named, reading)
+
+
+def read_table_log(
+    tables: list[Table],
+    source: Path,
+    laid_out: Layout | None = None,
+    rate_hz: float | None = None,
+    left_out: list[tuple[str, str]] | None = None,
+) -> tuple[RawLog, Reading]:
+    """The samples of a log that is tables, and how they were read.
+
+    Raises:
+        DataError: no table, or none that a walk can be read from.
+    """
+    if not tables:
+        raise DataError(nothing_in(source, left_out or []))
+    reading = decide(tables, source, rate_hz) if laid_out is None else Reading.as_told(tables, laid_out)
+    raw = apply_layout(tables, reading.layout, source)
+    raw.notices[:0] = reading.notices
+    raw.truth = truth_of(tables, reading.chosen, source)
+    for table in tables:
+        if number := table.counts.get("lines_too_long"):
+            raw.notices.append(f"{number} lines of more than 64 KiB left out: no rows of a log")
+    return raw, reading
+
+
+def _contents(
+    path: Path, format_name: str | None, max_size: int | None
+) -> tuple[tuple[str, RawLog] | None, list[Table], list[tuple[str, str]]]:
+    """The log of the first file of a tagged format, if there is one and no other was asked for; or all tables."""
+    found = members(path, max_size)
+    asked = TAGGED if format_name is None else tuple(name for name in TAGGED if name == format_name)
+    tables: list[Table] = []
+    for member in found:
+        head = member.text.head(_HEAD_CHARS)
+        name = next((name for name in asked if _reader(name).detects(head)), None)
+        if name is None and format_name in TAGGED and not found.many:
+            name = format_name
+        if name is not None:
+            raw: RawLog = _reader(name).read(member.text)
+            _note_long_lines(raw, member.text)
+            return (name, raw), [], found.left_out
+        if some := tables_of(member):
+            tables += some
+        else:
+            found.left_out.append((member.source, "no table"))
+    return None, tables, found.left_out
+
+
+def _note_long_lines(raw: RawLog, text: LogText) -> None:
     if text.too_long:
         raw.counts["lines_too_long"] = text.too_long
         raw.notices.append(f"{text.too_long} lines of more than 64 KiB left out: no rows of a log")
-    del text  # up to a gigabyte
-    return assemble(raw, path, name)
+
+
+def _layout_beside(path: Path) -> Layout | None:
+    """How the raw lines of a live walk were read while it went on."""
+    beside = path.with_name(SAVED_LAYOUT)
+    return read_layout(beside) if path.name == "raw.csv" and beside.is_file() else None
+
+
+def _reader(name: str) -> ModuleType:
+    return import_module(f"fbgraph.readers.{name}")

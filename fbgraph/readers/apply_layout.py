@@ -10,14 +10,62 @@ import numpy as np
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, drop_repeats
-from fbgraph.readers.clocks import Clock, clock_ns
+from fbgraph.readers.clocks import Clock, RunningClock, clock_ns
 from fbgraph.readers.decide import values_of, whole_rows
 from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout
-from fbgraph.readers.restarts import continue_restarts
+from fbgraph.readers.restarts import continue_restarts, little_disorder
 from fbgraph.tables.table import Table
 
 _SAID_SHARE = 0.01
 """Of rows or fields: when more are lost, it is said."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Rows of one table by a layout.
+
+    Attributes:
+        t_ns: (N,).
+        good: (N,) rows that can be used.
+        values: (N, D) by sensor, SI.
+        events: row and text, of all rows that have one.
+        counts: rows that cannot be used, by reason.
+    """
+
+    t_ns: IntArray
+    good: BoolArray
+    values: dict[str, FloatArray]
+    events: list[tuple[int, str]]
+    counts: dict[str, int]
+
+
+class LayoutReader:
+    """Reads one table's rows by a layout as they come."""
+
+    def __init__(self, layout: Layout, source: object) -> None:
+        self._layout = layout
+        self._source = source
+        self._clock: RunningClock | None = None
+
+    def read(self, table: Table) -> Sampled:
+        """The samples of rows that come after all others.
+
+        Raises:
+            DataError: a column that the layout names is not there.
+        """
+        layout, source = self._layout, self._source
+        if self._clock is None:
+            self._clock = RunningClock(clock_of(table, layout, source))
+        t_ns = self._clock.ns(table)
+        whole, sound = _usable(table, layout, t_ns, list(layout.streams.items()), source)
+        values = {}
+        for name, stream in layout.streams.items():
+            values[name] = stream_values(table, stream, source)
+            if stream.gravity is not None:
+                values[name] = values[name] + stream_values(table, stream.gravity, source) @ stream.rotation.T
+        events = [] if layout.event is None else _texts(table, find_column(table, layout.event[1], source))
+        counts = {"lines_unreadable": int((~whole).sum()), "rows_impossible": int((whole & ~sound).sum())}
+        return Sampled(t_ns, whole & sound, values, events, {why: n for why, n in counts.items() if n})
 
 
 @dataclass(frozen=True)
@@ -120,24 +168,19 @@ def clock_of(table: Table, layout: Layout, source: object) -> Clock:
 def _timed(
     table: Table, layout: Layout, streams: Sequence[tuple[str, StreamLayout]], raw: RawLog, source: object
 ) -> _Timed:
-    """A table's times, and which of its rows are to be trusted.
-
-    A row with an acceleration or rate that no such sensor can give, or with an impossible time, is corrupted: its other
-    numbers are not to be trusted either.
-    """
+    """A table's times, and which of its rows are to be trusted; rows that came a little late are put in order."""
     t_ns = clock_ns(table, clock_of(table, layout, source))
-    whole = whole_rows(table, layout.row_widths)
-    sound = np.abs(t_ns) <= MAX_T_NS
-    for name, stream in streams:
-        if name in ("acc", "gyro"):
-            values = values_of(table, [find_column(table, column, source) for column in stream.columns])
-            sound &= ~(np.abs(values * stream.scale) > LIMITS[name]).any(axis=1)
+    whole, sound = _usable(table, layout, t_ns, streams, source)
     _count(raw, "lines_unreadable", int((~whole).sum()) + sum(table.counts.get(why, 0) for why in _UNREADABLE))
     _count(raw, "rows_impossible", int((whole & ~sound).sum()))
     for reason, number in table.counts.items():
         if reason not in _UNREADABLE:
             _count(raw, reason, number)
     good = whole & sound
+    if little_disorder(t_ns[good]):
+        order = np.argsort(np.where(good, t_ns, np.maximum.accumulate(np.where(good, t_ns, t_ns.min()))), kind="stable")
+        _count(raw, "rows_reordered", int((np.diff(t_ns[good]) < 0).sum()))
+        table, t_ns, good = table.rows(order), t_ns[order], good[order]
     went_on, restarts = continue_restarts(t_ns[good])
     if restarts:
         _count(raw, "clock_restarts", restarts)
@@ -170,17 +213,36 @@ def _gravity(
     return np.column_stack([np.interp(at_s, its_s[order], axis[order]) for axis in values[good].T])
 
 
+def _usable(
+    table: Table, layout: Layout, t_ns: IntArray, streams: Sequence[tuple[str, StreamLayout]], source: object
+) -> tuple[BoolArray, BoolArray]:
+    """(N,) rows that have their fields, and (N,) rows whose numbers are possible.
+
+    A row with an acceleration or rate that no such sensor can give, or with an impossible time, is corrupted: its other
+    numbers are not to be trusted either.
+    """
+    sound: BoolArray = np.abs(t_ns) <= MAX_T_NS
+    for name, stream in streams:
+        if name in ("acc", "gyro"):
+            values = values_of(table, [find_column(table, column, source) for column in stream.columns])
+            with np.errstate(over="ignore"):
+                sound &= ~(np.abs(values * stream.scale) > LIMITS[name]).any(axis=1)
+    return whole_rows(table, layout.row_widths), sound
+
+
+def _texts(table: Table, column: int) -> list[tuple[int, str]]:
+    """Rows of a column that hold something, as text."""
+    values = table.columns[column].values
+    filled = np.flatnonzero([value is not None for value in values] if values.dtype == object else np.isfinite(values))
+    texts = ((row, str(values[row]).strip() if values.dtype == object else f"{values[row]:g}") for row in filled.tolist())
+    return [(row, text) for row, text in texts if text]
+
+
 def _events(timed: _Timed, column: int) -> list[tuple[int, str]]:
     """Events where they begin: a button held down fills many rows."""
-    values = timed.table.columns[column].values
-    filled = np.flatnonzero([value is not None for value in values] if values.dtype == object else ~np.isnan(values))
     begun, last = [], (-2, "")
-    for row in filled.tolist():
-        value = values[row]
-        text = value.strip() if isinstance(value, str) else f"{value:g}"
-        if not text or not timed.good[row]:
-            continue
-        if text != "0" and last != (row - 1, text):
+    for row, text in _texts(timed.table, column):
+        if timed.good[row] and text != "0" and last != (row - 1, text):
             begun.append((int(timed.t_ns[row]), text))
         last = (row, text)
     return begun

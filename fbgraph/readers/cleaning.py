@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.sensor_log import Event, SensorLog, Stream
+
+if TYPE_CHECKING:
+    from fbgraph.readers.decide import Reading
 
 MIN_DURATION_S = 1.0
 MIN_SAMPLES = 10
@@ -56,10 +60,11 @@ class RawLog:
 
 @dataclass(frozen=True)
 class LogFile:
-    """A log, and the truth that its file also carried. Only scoring may look at the truth."""
+    """A log, the truth that it also carried (only scoring may look at it), and how its tables were read, if it is some."""
 
     log: SensorLog
     truth: Checkpoints | None
+    reading: Reading | None = None
 
 
 def log_name(path: Path) -> str:
@@ -87,7 +92,7 @@ def to_ns(t: FloatArray | IntArray, tick_ns: int) -> IntArray:
     return np.where(possible, t_ns, MAX_T_NS + 1).astype(np.int64)
 
 
-def assemble(raw: RawLog, path: Path, format_name: str) -> LogFile:
+def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None = None) -> LogFile:
     """Clean every stream and put them on one clock that starts at the first inertial sample.
 
     Rows that are not finite, beyond what the sensor can measure, out of order or far away in time from all others are
@@ -130,7 +135,7 @@ def assemble(raw: RawLog, path: Path, format_name: str) -> LogFile:
         counts=counts,
         **streams,
     )
-    return LogFile(log, raw.truth)
+    return LogFile(log, raw.truth, reading)
 
 
 def _count(counts: dict[str, int], reason: str, number: int) -> None:

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fbgraph.core.errors import DataError
-from fbgraph.readers import m5stickc
+from fbgraph.readers import read_table_log
 from fbgraph.readers.cleaning import LogFile, assemble
+from fbgraph.tables.log_text import text_of
+from fbgraph.tables.text_table import read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +26,11 @@ def read_dataframe(frame: pd.DataFrame, name: str = "dataframe") -> LogFile:
     Raises:
         DataError: no accelerometer, no gyroscope, or nothing usable in them.
     """
-    return assemble(m5stickc.read_text("\n".join(dataframe_lines(frame)), name), Path(name), m5stickc.NAME)
+    text = "\n".join(dataframe_lines(frame))
+    source = Path(name)
+    table = read_table(text_of([text.encode()], source), name, name)
+    raw, reading = read_table_log([] if table is None else [table], source)
+    return assemble(raw, source, reading.layout.app, reading)
 
 
 def dataframe_lines(frame: pd.DataFrame) -> list[str]:

@@ -55,6 +55,12 @@ class Reading:
         found = (self.judged.acc, self.judged.gyro, self.judged.mag, self.judged.pressure)
         return self.judged.axes_told and all(judgement is None or judgement.sure for judgement in found)
 
+    @classmethod
+    def as_told(cls, tables: Sequence[Table], layout: Layout) -> Reading:
+        """Nothing is decided where a layout says everything."""
+        named = Judgement(1.0, "", "name", True)
+        return cls(layout, tuple(() for _ in tables), Chosen({}), Judged(named, named))
+
 
 def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None) -> Reading:
     """How a log's tables are to be read.

@@ -17,18 +17,21 @@ import numpy as np
 from fbgraph.core.checkpoints import IPIN_SIGMA_M, Checkpoints, checkpoints
 from fbgraph.core.georeference import Georeference
 from fbgraph.readers.cleaning import RawLog, RawStream, to_ns
+from fbgraph.readers.formats import LogFormat
 from fbgraph.tables.log_text import MOST_LINES, LogText, log_text
 
-NAME = "getsensordata"
-PRESET = "phone"
-DESCRIPTION = "GetSensorData app, IPIN competition logs (ACCE;app s;sensor s;x;y;z;accuracy)"
-EXAMPLE = """\
+FORMAT = LogFormat(
+    "getsensordata",
+    "GetSensorData app, IPIN competition logs (ACCE;app s;sensor s;x;y;z;accuracy)",
+    """\
 ACCE;0.0542;65093.5471;-1.01514;8.26000;6.21535;3
 GYRO;0.0553;65093.5561;-0.70433;-0.48197;-0.01649;3
 MAGN;0.0563;65093.5602;-2.40000;-34.08000;-45.66000;0
 PRES;0.1198;65093.6620;976.2273;3
 POSI;61.4235;1;49.461316433032;11.110964442580;0;100
-"""
+""",
+    tested="real logs",
+)
 _TAGS = {"ACCE": ("acc", 3), "GYRO": ("gyro", 3), "MAGN": ("mag", 3), "PRES": ("pressure", 1)}
 _MAX_DRIFT_S = 0.02
 

@@ -13,19 +13,20 @@ import numpy as np
 
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.readers.cleaning import MAX_T_NS, RawLog, RawStream
+from fbgraph.readers.formats import LogFormat
 from fbgraph.tables.log_text import MOST_LINES, LogText, log_text
 
-NAME = "indoor_location"
-PRESET = "phone"
-DESCRIPTION = (
-    "Indoor Location Competition 2.0 traces (ms <tab> TYPE_ACCELEROMETER <tab> x <tab> y <tab> z <tab> accuracy)"
-)
-EXAMPLE = """\
+FORMAT = LogFormat(
+    "indoor_location",
+    "Indoor Location Competition 2.0 traces (ms <tab> TYPE_ACCELEROMETER <tab> x <tab> y <tab> z <tab> accuracy)",
+    """\
 1574572467406\tTYPE_WAYPOINT\t208.86206\t216.74796
 1574572467526\tTYPE_ACCELEROMETER\t-1.0474854\t0.93452454\t15.622391\t2
 1574572467526\tTYPE_MAGNETIC_FIELD\t-21.97113\t-8.80127\t-16.664124\t3
 1574572467526\tTYPE_GYROSCOPE\t-0.22131348\t0.23864746\t0.049453735\t3
-"""
+""",
+    tested="real logs",
+)
 _TAGS = {  # stream, values, least number of fields: an accuracy follows vectors, a line without it may have been cut
     "TYPE_ACCELEROMETER": ("acc", 3, 4),
     "TYPE_GYROSCOPE": ("gyro", 3, 4),

@@ -1,6 +1,8 @@
-"""Lines of an M5StickC as they arrive: the file reader's columns, with cleaning that never needs the future.
+"""Lines of a device as they arrive: decided like a file, once, with cleaning that never needs the future.
 
-Fed the same lines in any chunks it delivers the same samples, so that saved raw lines rebuild a walk exactly.
+Names propose and physics decides as for a file (``readers.decide``), from the lines that have come; until something is
+decided, samples are held back. Fed the same lines in any chunks it delivers the same samples, so that saved raw lines
+rebuild a walk exactly.
 """
 
 from __future__ import annotations
@@ -13,41 +15,49 @@ import numpy as np
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Event, SensorLog, Stream, empty_stream
+from fbgraph.readers.apply_layout import LayoutReader
 from fbgraph.readers.cleaning import LIMITS, MIN_PRESSURE_HPA
-from fbgraph.readers.csv_columns import CANONICAL, Columns, Rows
-from fbgraph.readers.m5stickc import find_columns
+from fbgraph.readers.decide import Reading, decide
+from fbgraph.readers.formats import M5STICKC
+from fbgraph.tables.dialect import LATEST_HEADER, Dialect, find_dialect
+from fbgraph.tables.table import Table
 
-_SETTLE_LINES = 100  # a second or so: from these the units of columns that do not name theirs are told
-_HEADER_LINES = 50  # as many lines as a header may be late
+_FIRST_LINES = 100  # a second or so; looked at again whenever twice as many have come
+_STRAY_LINES = 512  # that are let go when no table has begun in many more
+_MOVING_S, _WAIT_S = 20.0, 120.0  # of movement, and altogether, after which what is likeliest is taken
+_MOVING_M_S2 = 0.5
 _BACK_NS = 1_000_000_000  # a jump back by more is a restarted clock, if time then runs on
 _AHEAD_NS = 5_000_000_000  # a jump ahead by more is believed once time runs on from there
 _CONFIRM_ROWS = 3
 _RESTART_STEP_NS = 10_000_000
 _WIDTHS = {"acc": 3, "gyro": 3, "mag": 3, "pressure": 1}
+_Row = tuple[int, dict[str, list[float]], str]
 
 
 class LiveReader:
     """Lines in, samples out.
 
     Attributes:
-        header: the line that names the columns; None until known.
+        reading: how they are read; None until that is decided.
         counts: lines and rows dropped or repaired, by reason.
         notices: what was assumed.
     """
 
     def __init__(self, name: str = "live") -> None:
         self._name = name
-        self._columns: Columns | None = None
         self._waiting: list[str] = []
-        self._settled = False
-        self._rows_seen = 0
+        self._look_at = _FIRST_LINES
+        self._dialect: Dialect | None = None
+        self._samples_of: LayoutReader | None = None
         self._last_ns: int | None = None
         self._shift_ns = 0  # what restarted clocks lost
-        self._held: list[tuple[int, dict[str, list[float]], str]] = []
+        self._held: list[_Row] = []
+        self._last_event = (-2, "")
+        self._rows = 0
         self._last_values: dict[str, list[float]] = {}
         self._polled: set[str] = set()  # slow sensors that repeat their last value in every row
         self._t0_ns: int | None = None
-        self.header: str | None = None
+        self.reading: Reading | None = None
         self.counts: Counter[str] = Counter()
         self.notices: list[str] = []
 
@@ -56,73 +66,110 @@ class LiveReader:
         """The device's clock at the first sample, seconds; 0 before it."""
         return (self._t0_ns or 0) / 1e9
 
+    @property
+    def format(self) -> str:
+        """Name of the format, as far as known."""
+        return M5STICKC.name if self.reading is None else self.reading.layout.app
+
     def push(self, lines: Sequence[str]) -> SensorLog:
         """Take complete lines (with or without line ends); return the samples that they complete."""
-        kept = [line for line in (raw.rstrip("\r\n") for raw in lines) if line and line[0] != "#"]
+        kept = [line for line in (raw.rstrip("\r\n") for raw in lines) if line]
         self.counts["lines"] += len(lines)
-        if self._settled:
+        if self.reading is not None:
             return self._samples(kept)
         self._waiting += kept
-        while len(self._waiting) >= _SETTLE_LINES:
-            if find_columns(self._waiting[:_HEADER_LINES]) is not None:
-                return self._settle()
-            self._give_up(_HEADER_LINES)
-        return self._samples([])
+        while self.reading is None and len(self._waiting) >= self._look_at:
+            self._look(self._look_at)
+        if self.reading is None:
+            return self._as_log([])
+        waiting, self._waiting = self._waiting, []
+        return self._samples(waiting)
 
     def finish(self) -> SensorLog:
         """What was held back; rows with a doubtful time are given up.
 
         Raises:
-            DataError: no line named an accelerometer.
+            DataError: no line named an accelerometer, or what they name is no log of a walk.
         """
-        while not self._settled and len(self._waiting) > _HEADER_LINES:
-            if find_columns(self._waiting[:_HEADER_LINES]) is not None:
-                break
-            self._give_up(_HEADER_LINES)
-        piece = self._settle() if not self._settled else self._samples([])
+        accepted: list[SensorLog] = []
+        if self.reading is None:
+            self._decide(self._waiting, last=True)
+            waiting, self._waiting = self._waiting, []
+            accepted.append(self._samples(waiting))
         self.counts["rows_odd_time"] += len(self._held)
         self._held = []
-        return piece
+        return SensorLog.concatenate(accepted) if accepted else self._as_log([])
 
-    def _give_up(self, lines: int) -> None:
-        """The first lines waiting name nothing: a device that boots, a stray sender."""
-        self.counts["lines_before_header"] += lines
-        del self._waiting[:lines]
+    def _look(self, lines: int) -> None:
+        """Look at the first lines waiting, and again when there are twice as many, unless they have told enough."""
+        try:
+            self._decide(self._waiting[:lines], last=False)
+        except DataError:
+            if lines > 2 * LATEST_HEADER:  # a device that boots, a stray sender
+                self.counts["lines_before_header"] += _STRAY_LINES
+                del self._waiting[:_STRAY_LINES]
+                self._look_at = max(self._look_at - _STRAY_LINES, _FIRST_LINES)
+                return
+        self._look_at = 2 * lines
 
-    def _settle(self) -> SensorLog:
-        self._columns = find_columns(self._waiting[:_HEADER_LINES])
-        if self._columns is None:
-            raise DataError(f"{self._name}: no line names accelerometer columns; the header should be like {CANONICAL}")
-        self.header = ",".join(self._columns.names)
-        first = [line for line in self._waiting if line != self.header]
-        self._columns, notices = self._columns.settled(self._columns.parse(first))
-        self.notices += notices
-        values = self._columns.parse(first).values
-        for name in {"mag", "pressure"} & values.keys():
-            there = values[name][np.isfinite(values[name]).all(axis=1)]
+    def _decide(self, lines: list[str], last: bool) -> None:
+        """Decide how lines are read, if these tell enough, or no more will come."""
+        dialect = find_dialect(lines)
+        if dialect is None:
+            raise DataError(f"{self._name}: no line names accelerometer columns; the header should be like {_HEADER}")
+        table = _table(dialect, lines[dialect.first_row :], self._name)
+        if len(table) < 2:
+            raise DataError(f"{self._name}: no rows of numbers under the header {','.join(dialect.names)[:80]}")
+        reading = decide([table], self._name)
+        reader = LayoutReader(reading.layout, self._name)
+        sampled = reader.read(table)
+        if not (last or reading.sure or _told_enough(sampled.t_ns, sampled.values["acc"])):
+            return
+        self.counts["lines_before_header"] += sum(1 for remark in dialect.remarks if remark)
+        self._dialect, self.reading = dialect, reading
+        self._samples_of = LayoutReader(reading.layout, self._name)
+        self.notices += reading.notices
+        for name in {"mag", "pressure"} & sampled.values.keys():
+            values = sampled.values[name]
+            there = values[np.isfinite(values).all(axis=1)]
             if len(there) > 1 and (np.diff(there, axis=0) == 0).all(axis=1).mean() >= 0.5:
                 self._polled.add(name)
-        waiting, self._waiting, self._settled = self._waiting, [], True
-        return self._samples(waiting)
+        del self._waiting[: dialect.first_row]
 
     def _samples(self, lines: list[str]) -> SensorLog:
-        accepted: list[tuple[int, dict[str, list[float]], str]] = []
-        if self._columns is not None and lines:
-            data = [line for line in lines if line != self.header]
-            rows = self._columns.convert(self._columns.parse(data, self._rows_seen))
-            self._rows_seen += len(data)
-            self.counts.update(rows.counts)
-            accepted = self._in_time(rows)
+        accepted: list[_Row] = []
+        if self._dialect is not None and self._samples_of is not None and lines:
+            table = _table(self._dialect, lines, self._name)
+            self.counts.update(table.counts)
+            if len(table):
+                sampled = self._samples_of.read(table)
+                self.counts.update(sampled.counts)
+                rows = np.flatnonzero(sampled.good)
+                labels = self._begun(sampled.events)
+                columns = {sensor: values[rows].tolist() for sensor, values in sampled.values.items()}
+                accepted = self._in_time(
+                    [
+                        (t_ns, {sensor: values[i] for sensor, values in columns.items()}, labels.get(int(rows[i]), ""))
+                        for i, t_ns in enumerate(sampled.t_ns[rows].tolist())
+                    ]
+                )
+                self._rows += len(table)
         return self._as_log(accepted)
 
-    def _in_time(self, rows: Rows) -> list[tuple[int, dict[str, list[float]], str]]:
+    def _begun(self, events: Sequence[tuple[int, str]]) -> dict[int, str]:
+        """Events where they begin: a button held down fills many rows."""
+        begun = {}
+        for row, text in events:
+            if text != "0" and self._last_event != (self._rows + row - 1, text):
+                begun[row] = text
+            self._last_event = (self._rows + row, text)
+        return begun
+
+    def _in_time(self, rows: Sequence[_Row]) -> list[_Row]:
         """Rows in increasing time. One that jumps waits until others follow it, or until time goes on without it."""
-        labels = dict(rows.events)
-        columns = {sensor: values.tolist() for sensor, values in rows.values.items()}
         accepted = []
-        for i, t_ns in enumerate(rows.t.tolist()):
-            row = (t_ns, {sensor: values[i] for sensor, values in columns.items()}, labels.get(i, ""))
-            last = self._last_ns
+        for row in rows:
+            t_ns, last = row[0], self._last_ns
             if last is None or 0 < t_ns + self._shift_ns - last <= _AHEAD_NS:
                 self.counts["rows_odd_time"] += len(self._held)
                 self._held = []
@@ -144,19 +191,19 @@ class LiveReader:
                     self._held = []
         return accepted
 
-    def _accept(self, row: tuple[int, dict[str, list[float]], str]) -> tuple[int, dict[str, list[float]], str]:
+    def _accept(self, row: _Row) -> _Row:
         self._last_ns = row[0] + self._shift_ns
         return self._last_ns, row[1], row[2]
 
-    def _as_log(self, rows: list[tuple[int, dict[str, list[float]], str]]) -> SensorLog:
+    def _as_log(self, rows: list[_Row]) -> SensorLog:
         if rows and self._t0_ns is None:
             self._t0_ns = rows[0][0]
         t0_ns = self._t0_ns or 0
         events = tuple(Event((t_ns - t0_ns) / 1e9, label) for t_ns, _, label in rows if label)
         acc, gyro, mag, pressure = (self._stream(name, width, rows, t0_ns) for name, width in _WIDTHS.items())
-        return SensorLog(self._name, "m5stickc", self.t0_s, acc, gyro, mag, pressure, events)
+        return SensorLog(self._name, self.format, self.t0_s, acc, gyro, mag, pressure, events)
 
-    def _stream(self, name: str, width: int, rows: list[tuple[int, dict[str, list[float]], str]], t0_ns: int) -> Stream:
+    def _stream(self, name: str, width: int, rows: list[_Row], t0_ns: int) -> Stream:
         """The samples of one sensor; a slow one that repeats its last value says nothing new."""
         found = [(t_ns, values[name]) for t_ns, values, _ in rows if name in values]
         if not found:
@@ -173,3 +220,27 @@ class LiveReader:
             self._last_values[name] = values[-1].tolist()
             t_s, values = t_s[changed], values[changed]
         return Stream(t_s, values)
+
+
+_HEADER = M5STICKC.example.partition("\n")[0]
+
+
+def _table(dialect: Dialect, lines: Sequence[str], name: str) -> Table:
+    """Some lines as a table."""
+    rows = dialect.parse(lines)
+    widths = np.array(rows.widths, dtype=np.int64) if any(width != dialect.width for width in rows.widths) else None
+    headed = bool(dialect.header.names)
+    return Table(name, name, rows.columns, headed, dialect.how, widths, rows.remarks, rows.counts)
+
+
+def _told_enough(t_ns: np.ndarray[tuple[int], np.dtype[np.int64]], acc: FloatArray) -> bool:
+    """Whether somebody has moved for so long, or all has taken so long, that the likeliest is taken."""
+    good = np.isfinite(acc).all(axis=1)
+    t_s, norm = (t_ns[good] - t_ns[good][:1]) * 1e-9, np.linalg.norm(acc[good], axis=1)
+    if not len(t_s):
+        return False
+    second = np.floor(t_s).astype(int)
+    if (second < 0).any() or second.max() >= _WAIT_S:
+        return True
+    moving = sum(norm[second == i].std() > _MOVING_M_S2 for i in range(int(second.max()) + 1) if (second == i).any())
+    return bool(moving >= _MOVING_S)

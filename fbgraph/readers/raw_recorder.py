@@ -118,7 +118,7 @@ def saved_log(raw_path: Path) -> SensorLog:
     return replace(
         log,
         name=raw_path.parent.name,
-        format="m5stickc",
+        format=reader.format,
         t0_s=reader.t0_s,
         notices=(*reader.notices, *missing),
         counts=counts,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import socket
 import sys
@@ -11,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.safe_text import is_number
-from fbgraph.readers.csv_columns import Columns
+from fbgraph.readers.column_names import names_accelerometer
 
 _POLL_S = 0.2  # how soon a source notices that it should stop
 _CHUNK = 65536
@@ -130,8 +131,9 @@ def _place(address: tuple[str, int] | None) -> str:
 def _holds_row(data: bytes) -> bool:
     """Whether a line of these names an accelerometer, or is numbers enough to be a row; strays may chatter."""
     for line in data.decode("latin-1").splitlines()[:_LOOKED_AT]:
-        numbers = sum(is_number(field) for field in line.split(","))
-        if numbers >= _ROW_FIELDS or (line.count(",") >= _ROW_FIELDS - 1 and Columns.from_header(line) is not None):
+        fields = re.split(r"[,;\t]", line)
+        numbers = sum(is_number(field) for field in fields)
+        if numbers >= _ROW_FIELDS or (len(fields) >= _ROW_FIELDS and names_accelerometer(fields)):
             return True
     return False
 

@@ -1,7 +1,7 @@
 """One trial of a data set: its table of sensors, ground truth, labels and the authors' outputs.
 
 Names and units of the columns come from ``DatasetConfig``; what is left open is judged by magnitude, and times, gaps
-and bad values are cleaned as in any log (``readers.csv_columns``, ``readers.cleaning``).
+and bad values are cleaned as in any log (``readers.judge_sensors``, ``readers.cleaning``).
 """
 
 from __future__ import annotations
@@ -15,11 +15,16 @@ import numpy as np
 
 from fbgraph.core.atmosphere import altitude_pressure_hpa
 from fbgraph.core.errors import DataError
-from fbgraph.core.geometry import BoolArray, FloatArray
-from fbgraph.core.sensor_log import SensorLog
-from fbgraph.readers.cleaning import MAX_T_NS, RawLog, RawStream, assemble, drop_repeats, to_ns
-from fbgraph.readers.csv_columns import UNITS, Columns, Rows, plain_name
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.core.sensor_log import SensorLog, Stream
+from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, assemble, drop_repeats
+from fbgraph.readers.clocks import Clock, clock_ns, find_clock
+from fbgraph.readers.column_names import Guess
+from fbgraph.readers.judge_sensors import judge_sensors
+from fbgraph.readers.units import UNITS, plain_text, unit_of
 from fbgraph.study.column_names import ColumnsConfig, DatasetConfig
+from fbgraph.tables.table import Column
+from fbgraph.tables.table import Table as LogTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,29 +112,36 @@ class Table:
     remark: str
 
 
-def _units_of(quantity: str) -> dict[str, float]:
-    """By what to multiply, for every unit that a column's name may end in."""
+def _unit(text: str, quantity: str) -> str | None:
+    """The unit that the rest of a column's name tells of a quantity, "" if there is no rest; None if it is no unit."""
+    if not text:
+        return ""
     sensor = quantity.removesuffix("_x").removesuffix("_y").removesuffix("_z")
     if sensor in UNITS:
-        return UNITS[sensor]
+        return unit_of(text, sensor) or None
     if quantity.endswith("heading"):
-        return _ANGLES
+        return text if text in _ANGLES else None
     if quantity == "current":
-        return _CURRENTS
-    return {} if quantity in ("trial", "step", "turn", "checkpoint") else _METRES
+        return text if text in _CURRENTS else None
+    return text if text in _METRES and quantity not in ("trial", "step", "turn", "checkpoint") else None
+
+
+def _plain(name: str) -> str:
+    """A name in small letters and digits: ``Acc X (m/s²)`` is ``accxms2``."""
+    return re.sub(r"[^a-z0-9]+", "", plain_text(name).lower())
 
 
 def find_columns(names: list[str], columns: ColumnsConfig) -> dict[str, tuple[int, str]]:
     """Column and unit ("" if its name tells none) of every quantity that is there."""
-    plain = {plain_name(name).replace("_", ""): i for i, name in reversed(list(enumerate(names)))}
+    plain = {_plain(name): i for i, name in reversed(list(enumerate(names)))}
     found: dict[str, tuple[int, str]] = {}
     for quantity, aliases in columns:
-        endings = ["", *_units_of(quantity)]
-        for alias in aliases:
-            wanted = plain_name(alias).replace("_", "")
-            ending = next((ending for ending in endings if wanted + ending in plain), None)
-            if ending is not None:
-                found[quantity] = (plain[wanted + ending], ending)
+        for alias in map(_plain, aliases):
+            rests = {name.removeprefix(alias): i for name, i in plain.items() if name.startswith(alias)}
+            told = {rest: unit for rest in rests if (unit := _unit(rest, quantity)) is not None}
+            if told:
+                shortest = min(told, key=len)
+                found[quantity] = (rests[shortest], told[shortest])
                 break
     return found
 
@@ -259,48 +271,66 @@ def _log(
     table: Table, found: dict[str, tuple[int, str]], numbers: Any, config: DatasetConfig
 ) -> tuple[SensorLog, FloatArray, list[str]]:
     """The sensors as a cleaned log, the time of every row on its clock (nan if impossible), and what was assumed."""
-    count, notices = len(table.frame), []
+    notices: list[str] = []
     sensors = [s for s in ("acc", "gyro", "mag") if all(f"{s}_{axis}" in found for axis in "xyz")]
-    where = {s: tuple(found[f"{s}_{axis}"][0] for axis in "xyz") for s in sensors}
     values = {s: np.column_stack([numbers(f"{s}_{axis}") for axis in "xyz"]) for s in sensors}
     units = {s: found[f"{s}_x"][1] for s in sensors}
     if "pressure" in found:
-        where["pressure"], units["pressure"] = (found["pressure"][0],), found["pressure"][1]
+        units["pressure"] = found["pressure"][1]
         values["pressure"] = numbers("pressure")[:, None]
     elif "altitude" in found:
         altitude_m = numbers("altitude") * _METRES.get(found["altitude"][1], 1.0)
-        where["pressure"], units["pressure"] = (found["altitude"][0],), "hpa"
+        units["pressure"] = "hpa"
         values["pressure"] = altitude_pressure_hpa(altitude_m[:, None])
-    scale = {}
-    if "time" in found:
-        where["time"], units["time"] = (found["time"][0],), found["time"][1]
-        t = numbers("time")
-    else:
-        scale["time"], t = 1e9 / config.rate_hz, np.arange(count, dtype=float)
-        notices.append(f"no time column: {config.rate_hz:g} rows a second")
+    named = {}
     for quantity, unit in units.items():
-        known = unit or getattr(config.units, quantity)
-        if known:
-            scale[quantity] = UNITS[quantity][known]
-    columns = Columns(tuple(map(str, table.frame.columns)), where, scale)
-    rows = Rows(t, values, [])
-    try:
-        columns, assumed = columns.settled(replace(rows, t=t[np.isfinite(t)]))
-    except DataError as error:
-        raise DataError(f"{table.name}: {error}") from error
-    clean = columns.convert(rows)
-    raw = RawLog(notices=assumed, counts=dict(clean.counts))
-    row_ns = np.asarray(clean.t, dtype=np.int64)
-    readings: FloatArray
-    for sensor, readings in clean.values.items():
-        seen = ~np.isnan(readings).all(axis=1)
+        if known := unit or getattr(config.units, quantity):
+            named[quantity] = UNITS[quantity][unit_of(known, quantity)]
+    t_ns, told = _times(table, found, numbers, config)
+    notices += told
+    streams = {sensor: _stream(t_ns, readings) for sensor, readings in values.items()}
+    judged = judge_sensors(streams["acc"], streams["gyro"], streams.get("mag"), streams.get("pressure"), named)
+    readings: dict[str, FloatArray] = {}
+    for sensor, raw_values in values.items():
+        judgement = getattr(judged, sensor)
+        if judgement is not None and np.isfinite(judgement.scale):
+            scaled = raw_values * judgement.scale
+            readings[sensor] = scaled if sensor == "pressure" else scaled @ judgement.axes.T
+    good = np.abs(t_ns) <= MAX_T_NS
+    for sensor in ("acc", "gyro"):
+        good &= ~(np.abs(readings[sensor]) > LIMITS[sensor]).any(axis=1)
+    raw = RawLog(notices=list(judged.texts), counts={"rows_impossible": int((~good).sum())} if not good.all() else {})
+    for sensor, array in readings.items():
+        seen = good & ~np.isnan(array).all(axis=1)
         if seen.any():
-            stream = RawStream(row_ns[seen], readings[seen])
+            stream = RawStream(t_ns[seen], array[seen])
             raw.streams[sensor] = drop_repeats(stream) if sensor in ("mag", "pressure") else stream
     log = assemble(raw, Path(table.name), FORMAT).log
-    t_ns = to_ns(t, int(columns.scale["time"]))
     t_s = np.where(t_ns <= MAX_T_NS, (t_ns - round(log.t0_s * 1e9)) / 1e9, np.nan)
     return log, t_s, notices
+
+
+def _times(
+    table: Table, found: dict[str, tuple[int, str]], numbers: Any, config: DatasetConfig
+) -> tuple[IntArray, list[str]]:
+    """(N,) nanoseconds of every row, beyond ``MAX_T_NS`` if it has none, and what was assumed."""
+    if "time" not in found:
+        t_ns = np.round(np.arange(len(table.frame)) * (1e9 / config.rate_hz)).astype(np.int64)
+        return t_ns, [f"no time column: {config.rate_hz:g} rows a second"]
+    column, unit = found["time"]
+    known = unit or unit_of(config.units.time, "time")
+    times = LogTable(table.name, table.name, (Column(str(table.frame.columns[column]), "", numbers("time")),))
+    clock = find_clock(times, [Guess(0, "time", "", known, "", 1.0, "as mapped")])
+    if known:
+        clock = Clock("ticks", (0,), UNITS["time"][known], 0, "as mapped")
+    return clock_ns(times, clock), [clock.text] if clock.text else []
+
+
+def _stream(t_ns: IntArray, values: FloatArray) -> Stream:
+    """What a sensor says, in order of time."""
+    good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS)
+    t, first = np.unique(t_ns[good], return_index=True)
+    return Stream((t - t[:1]) * 1e-9, values[good][first])
 
 
 def _radians(angle: FloatArray, unit: str) -> FloatArray:

@@ -50,7 +50,7 @@ def read_tables(path: str | Path, max_size: int | None = None) -> Container:
         else:
             found.left_out.append((member.source, "no table"))
     if not tables:
-        raise DataError(_nothing(path, found.left_out))
+        raise DataError(nothing_in(path, found.left_out))
     return Container(path, tuple(tables), tuple(found.left_out))
 
 
@@ -64,8 +64,13 @@ def tables_of(member: Member) -> tuple[Table, ...]:
     return (table,) if table is not None and len(table) else ()
 
 
-def _nothing(path: Path, left_out: list[tuple[str, str]]) -> str:
-    """What to say of an input without a table."""
+def nothing_in(path: Path, left_out: list[tuple[str, str]]) -> str:
+    """What to say of an input without a table.
+
+    Args:
+        path: of it.
+        left_out: its files, each with the reason.
+    """
     if not left_out:
         return f"{path}: no file in it"
     if len(left_out) == 1 and left_out[0][0] == str(path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -58,6 +58,15 @@ class Table:
     widths: IntArray | None = None
     remarks: tuple[str, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
+
+    def rows(self, order: IntArray) -> Table:
+        """Some of its rows, in another order.
+
+        Args:
+            order: places of the rows wanted.
+        """
+        columns = tuple(replace(column, values=column.values[order]) for column in self.columns)
+        return replace(self, columns=columns, widths=None if self.widths is None else self.widths[order])
 
     def __len__(self) -> int:
         """Its rows."""
