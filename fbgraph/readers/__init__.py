@@ -13,7 +13,7 @@ from types import ModuleType
 
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.readers.cleaning import LogFile, assemble
-from fbgraph.readers.log_text import LogText, log_text
+from fbgraph.tables.log_text import LogText, log_text
 
 FORMATS = ("getsensordata", "indoor_location", "m5stickc")
 """In the order in which detection asks them; the plain CSV last."""
@@ -47,12 +47,12 @@ def detect(source: Path | LogText) -> str:
     path, head = text.source, text.head(_HEAD_CHARS)
     if not head.strip() and text.too_long:
         raise DataError(f"{path}: not a log: it holds nothing but lines of more than 64 KiB")
-    if not head.strip():
+    if not head.strip() and not text.binary:
         raise DataError(f"{path}: the file is empty; record or copy it again")
     for name in FORMATS:
         if reader(name).detects(head):
             return name
-    if "\x00" in head:
+    if text.binary:
         raise DataError(f"{path}: a binary file, not a log; `fbgraph formats` lists what can be read")
     first = head.lstrip().splitlines()[0][:60]
     raise DataError(f"{path}: unknown format (it begins {first!r}); `fbgraph formats` lists what can be read")

@@ -17,7 +17,7 @@ import numpy as np
 from fbgraph.core.checkpoints import IPIN_SIGMA_M, Checkpoints, checkpoints
 from fbgraph.core.georeference import Georeference
 from fbgraph.readers.cleaning import RawLog, RawStream, to_ns
-from fbgraph.readers.log_text import MOST_LINES, LogText, log_text
+from fbgraph.tables.log_text import MOST_LINES, LogText, log_text
 
 NAME = "getsensordata"
 PRESET = "phone"

@@ -13,7 +13,7 @@ import numpy as np
 
 from fbgraph.core.checkpoints import checkpoints
 from fbgraph.readers.cleaning import MAX_T_NS, RawLog, RawStream
-from fbgraph.readers.log_text import MOST_LINES, LogText, log_text
+from fbgraph.tables.log_text import MOST_LINES, LogText, log_text
 
 NAME = "indoor_location"
 PRESET = "phone"

@@ -23,7 +23,7 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import IntArray
 from fbgraph.readers.cleaning import RawLog, RawStream, drop_repeats
 from fbgraph.readers.csv_columns import CANONICAL, Columns, Rows
-from fbgraph.readers.log_text import LogText, log_text
+from fbgraph.tables.log_text import LogText, log_text
 
 NAME = "m5stickc"
 PRESET = "m5stickc"
@@ -106,14 +106,13 @@ def read(source: Path | LogText) -> RawLog:
             raw.streams[sensor] = drop_repeats(raw.streams[sensor])
             if repeats := int(there.sum()) - len(raw.streams[sensor].t_ns):
                 raw.counts[f"{sensor}_repeats"] = repeats
-    for row, label in _pressed(rows):  # the file was read as latin-1, its text is probably UTF-8
-        raw.events.append((int(t_ns[row]), label.encode("latin-1").decode("utf-8", "replace")))
+    raw.events += [(int(t_ns[row]), label) for row, label in _pressed(rows)]
     return raw
 
 
 def read_text(text: str, source: str) -> RawLog:
     """Read the text of one log, from ``source``; as ``read``."""
-    return read(LogText(Path(source), (text,)))
+    return read(LogText(Path(source), (text.encode("utf-8", "replace"),)))
 
 
 def _data_lines(lines: list[str]) -> list[str]:

@@ -13,7 +13,7 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, assemble, drop_repeats, log_name, to_ns
-from fbgraph.readers.log_text import log_text
+from fbgraph.tables.log_text import log_text
 
 S = 1_000_000_000
 N = 500
@@ -314,7 +314,7 @@ def test_logs_may_be_packed(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes("a\r\nµ".encode("latin-1"))
     (tmp_path / "a.csv.gz").write_bytes(gzip.compress("a\r\nµ".encode("latin-1")))
     for name in ("a.csv", "a.csv.gz"):
-        assert log_text(tmp_path / name).pieces == ("a\n", "µ")
+        assert log_text(tmp_path / name).pieces == (b"a\n", "µ".encode())
     (tmp_path / "b.gz").write_bytes(gzip.compress(b"x" * 9999)[:-9])
     for name, message in (("b.gz", "truncated or damaged"), ("c", "No such file"), (".", "is a directory")):
         with pytest.raises(DataError, match=message):

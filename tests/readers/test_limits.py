@@ -28,7 +28,7 @@ from fbgraph.core.bounded import (
 )
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.readers import detect, getsensordata, indoor_location, m5stickc, read_log
-from fbgraph.readers.log_text import LogText, log_text
+from fbgraph.tables.log_text import LogText, log_text
 
 N = 500
 ACC, GYRO, _ = waves(N)
@@ -134,6 +134,8 @@ def test_endless_lines_in_a_log_are_left_out_and_told(tmp_path: Path) -> None:
     assert log.counts == {"lines_too_long": 2}
     assert any("2 lines of more than 64 KiB" in notice for notice in log.notices)
     with pytest.raises(DataError, match="it holds nothing but lines of more than 64 KiB"):
+        read_log(write(tmp_path, ["7" * 100_000]))
+    with pytest.raises(DataError, match="a binary file"):
         read_log(write(tmp_path, ["\0" * 100_000]))
 
 
@@ -150,7 +152,7 @@ def test_a_header_has_4096_columns_at_most(columns: int, refused: bool, tmp_path
 
 def test_a_thousand_wide_lines_before_the_header_take_no_time() -> None:
     text = "\n".join([",".join(f"ab{i}" for i in range(4000))] * 1000)
-    source = LogText(Path("wide.csv"), (text,))
+    source = LogText(Path("wide.csv"), (text.encode(),))
     with pytest.raises(DataError, match=r"wide.csv: no line names accelerometer columns"):
         m5stickc.read(source)
 
@@ -161,8 +163,8 @@ def test_pieces_and_blocks_give_what_one_text_gives(timed: bool, tmp_path: Path)
     rows[5] = "torn"
     rows[4500] = "4,5"
     whole = log_text(write(tmp_path, [HEADER if timed else HEADER.replace("t_ms", "other"), *rows]))
-    text = "".join(whole.pieces)
-    cuts = [0, *(text.index("\n", at) + 1 for at in range(1000, len(text), 77_777)), len(text)]
+    text = b"".join(whole.pieces)
+    cuts = [0, *(text.index(b"\n", at) + 1 for at in range(1000, len(text), 77_777)), len(text)]
     pieces = tuple(text[a:b] for a, b in itertools.pairwise(cuts))
     one, many = m5stickc.read(LogText(whole.source, (text,))), m5stickc.read(LogText(whole.source, pieces))
     assert one.counts == many.counts == {"lines_unreadable": 2}

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from fbgraph.core.bounded import Allowance, WholeLines, file_blocks
 from fbgraph.core.errors import DataError
+from fbgraph.tables.encoding import as_utf_8, is_binary, utf_16, without_marks
 
 MOST_LINES = 20_000_000
 """Of a phone's log, which has one for each sample of each sensor: eleven hours of five sensors at 100 Hz."""
@@ -17,21 +19,25 @@ MOST_LINES = 20_000_000
 
 @dataclass(frozen=True)
 class LogText:
-    """A log's text, as latin-1, which every byte decodes to; lines end with LF.
+    """A log's text; lines end with LF.
 
     Attributes:
         source: where it came from.
-        pieces: of whole lines; the last may lack its end.
+        pieces: of whole lines, UTF-8; the last may lack its end.
         too_long: lines that are not in it because they ran on for more than 64 KiB.
         rows: lines that are not empty.
         any_rows: whether more of them were allowed than any walk has.
+        encoding: that it was in: ``UTF-8``, ``UTF-16``, or ``latin-1`` if some of its lines were.
+        binary: whether it is no text.
     """
 
     source: Path
-    pieces: tuple[str, ...]
+    pieces: tuple[bytes, ...]
     too_long: int = 0
     rows: int = 0
     any_rows: bool = False
+    encoding: str = "UTF-8"
+    binary: bool = False
 
     def require_rows(self, most: int) -> None:
         """Refuse a log of so many rows that their numbers take much more memory than its text.
@@ -48,14 +54,14 @@ class LogText:
         """Its first so many characters."""
         text, at = "", 0
         while len(text) < chars and at < len(self.pieces):
-            text += self.pieces[at][: chars - len(text)]
+            text += self.pieces[at].decode("utf-8")[: chars - len(text)]
             at += 1
         return text
 
     def lines(self) -> Iterator[list[str]]:
         """Its lines without their ends, in order, a piece at a time; some may be empty."""
         for piece in self.pieces:
-            yield piece.split("\n")  # not splitlines, which also breaks at control characters
+            yield piece.decode("utf-8").split("\n")  # not splitlines, which also breaks at control characters
 
 
 def log_text(source: Path | LogText, max_size: int | None = None) -> LogText:
@@ -70,12 +76,28 @@ def log_text(source: Path | LogText, max_size: int | None = None) -> LogText:
     """
     if isinstance(source, LogText):
         return source
+    return text_of(file_blocks(source, Allowance.of(max_size), "log file"), source, any_rows=max_size is not None)
+
+
+def text_of(blocks: Iterable[bytes], source: Path, any_rows: bool = False) -> LogText:
+    """The text that blocks of bytes hold, in whatever encoding.
+
+    Args:
+        blocks: read once.
+        source: for messages.
+        any_rows: whether the user allowed more rows than any walk has.
+    """
+    blocks = iter(blocks)
+    first = next(blocks, b"")
     lines = WholeLines()
-    pieces, rows = [], 0
-    for piece in lines.pieces(file_blocks(source, Allowance.of(max_size), "log file")):
-        pieces.append(piece.decode("latin-1"))
+    pieces, rows, strange = [], 0, 0
+    for raw in lines.pieces(without_marks(chain((first,), blocks))):
+        piece, odd = as_utf_8(raw)
+        pieces.append(piece)
         rows += _rows(piece)
-    return LogText(source, tuple(pieces), lines.too_long, rows, any_rows=max_size is not None)
+        strange += odd
+    encoding = "UTF-16" if utf_16(first) else "latin-1" if strange else "UTF-8"
+    return LogText(source, tuple(pieces), lines.too_long, rows, any_rows, encoding, is_binary(first))
 
 
 def _rows(piece: bytes) -> int:
