@@ -1,4 +1,4 @@
-"""Logs that say in their head how to scale what follows: gyroflow's ``.gcsv`` and M5stick-IMUtracker's ``ACCLOG.BIN``."""
+"""Logs whose head says how to scale what follows: gyroflow's ``.gcsv`` and M5stick-IMUtracker's ``ACCLOG.BIN``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _GYROFLOW = "GYROFLOW IMU LOG"
 _SCALES = {"t": ("tscale", "s"), "g": ("gscale", "rad/s"), "a": ("ascale", "g")}  # docs.gyroflow.xyz, "gcsv"
 _HEAD_BYTES = 64
 _COUNTS = 32768.0
-_NEWEST = 0x0200
+_WITH_GYRO, _NEWEST = 0x0200, 0x0201
 
 
 def with_gyroflow_scales(table: Table) -> Table:
@@ -39,7 +39,8 @@ def acclog_table(data: bytes, name: str, source: str) -> Table:
     """The samples of an ``ACCLOG.BIN``: 64 bytes little-endian, then big-endian int16, three a sample or six.
 
     ``ACCLOG``, version (uint16 at 8), device, start in ms, rate in Hz (26), range in g (28) and from version 2.0 in
-    °/s (30). Source: ``pc_tools/decoder.py`` of ys4i/M5stick-IMUtracker.
+    °/s (30); from 2.1 float32 counts per g (36) and per °/s (40). Source: ``LogHeader`` and ``pc_tools/decoder.py`` of
+    ys4i/M5stick-IMUtracker.
 
     Raises:
         DataError: it is cut short, or of a version whose scales are not known.
@@ -52,10 +53,14 @@ def acclog_table(data: bytes, name: str, source: str) -> Table:
             f"{source}: ACCLOG version {version >> 8}.{version & 255} at {rate_hz} Hz, ±{range_g} g: scales not known; "
             "convert it with the logger's own decoder.py --csv"
         )
-    width = 6 if version >= _NEWEST else 3
+    width = 6 if version >= _WITH_GYRO else 3
     whole = (len(data) - _HEAD_BYTES) // (2 * width) * width
     samples: FloatArray = np.frombuffer(data, ">i2", whole, _HEAD_BYTES).reshape(-1, width).astype(float)
-    scales = (range_g / _COUNTS, "g", "a"), (range_dps / _COUNTS, "dps", "g")
+    per_g, per_dps = struct.unpack_from("<ff", data, 36) if version == _NEWEST else (0.0, 0.0)
+    scales = (
+        (1.0 / per_g if per_g > 0.0 else range_g / _COUNTS, "g", "a"),
+        (1.0 / per_dps if per_dps > 0.0 else range_dps / _COUNTS, "dps", "g"),
+    )
     columns = [Column("t", "s", np.arange(len(samples)) / rate_hz)]
     for i, axis in enumerate(chain("xyz", "xyz")) if width == 6 else enumerate("xyz"):
         scale, unit, letter = scales[i // 3]
