@@ -27,6 +27,7 @@ class Meaning:
         unit: a key of ``UNITS``; ``""`` if the app does not say.
         table: a regular expression that the table's plain name must match; ``""`` for any.
         grade, weight: as in a ``Guess``.
+        axis: where the name has no letter for it.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Meaning:
     table: str = ""
     grade: str = ""
     weight: float = 0.95
+    axis: str = ""
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,19 @@ LAYOUTS = (
             Meaning(r"(.*_)?header_stamp", "time", "ns", weight=0.97),
             Meaning(rf"(.*_)?magnetic_field_{_AXIS}", "mag", "t"),
         ),
+    ),
+    AppLayout(
+        "a browser (DeviceMotion)",
+        needs=("rotationrate_alpha|rotation_rate_alpha",),
+        meanings=tuple(
+            Meaning(f"rotation_?rate_{name}", "gyro", "dps", axis=axis)
+            for name, axis in (("alpha", "x"), ("beta", "y"), ("gamma", "z"))
+        ),
+    ),
+    AppLayout(
+        "Core Motion (iOS)",
+        needs=(r"rotation_?rate_?x", r"gravity_?x", r"user_?acc(eleration)?_?x"),
+        signs=dict.fromkeys(("acc", "linear_acc", "gravity"), _IOS),
     ),
     AppLayout(
         "SensorLog (iOS)",

@@ -9,7 +9,8 @@ import numpy as np
 
 from fbgraph.core.safe_text import short_name
 from fbgraph.readers.app_layouts import layout_of, signs_of
-from fbgraph.readers.column_names import VECTORS, Guess
+from fbgraph.readers.column_names import Guess
+from fbgraph.readers.name_meaning import VECTORS
 from fbgraph.readers.units import shown
 from fbgraph.tables.table import Table
 

@@ -17,7 +17,7 @@ from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.safe_text import short_name
 from fbgraph.readers.app_layouts import flat_name
 from fbgraph.readers.cleaning import MAX_T_NS
-from fbgraph.readers.clock_times import Clock, clock_ns
+from fbgraph.readers.clock_times import COUNTS, Clock, clock_ns
 from fbgraph.readers.column_names import Guess
 from fbgraph.readers.tick_counts import damage, progress, step_of, unwrapped, wraps_of
 from fbgraph.readers.time_texts import kind_of_text
@@ -181,7 +181,8 @@ def _try_number(table: Table, guess: Guess, inertial: bool) -> _Trial:
     if wrap:
         text = f"{text}; " if text else ""
         text += f"column {name} begins again after {wrap:.10g}: its times go on"
-    clock = Clock("ticks", (guess.column,), UNITS["time"][unit], wrap, f"{guess.why}, counts {shown(unit)}", text)
+    kind = "days" if unit == "day" else "ticks"
+    clock = Clock(kind, (guess.column,), UNITS["time"][unit], wrap, f"{guess.why}, counts {shown(unit)}", text)
     return _Trial(clock, _rank(t, True, guess.weight, "ticks"), column=guess.column)
 
 
@@ -265,7 +266,7 @@ def _counter(table: Table, guesses: Sequence[Guess]) -> int | None:
         if guess.quantity == "counter" and guess.weight > 0.4:
             values = table.columns[guess.column].values
             if values.dtype.kind == "i" and len(values) > 1:
-                counts, _ = unwrapped(values, (2.0**8, 2.0**16, 2.0**32))
+                counts, _ = unwrapped(values, COUNTS)
                 steps = np.diff(counts)
                 if (steps > 0).all() and np.median(steps) < 10:
                     return guess.column

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 from fbgraph.readers.units import is_unit, plain_text, unit_of
 
@@ -42,7 +42,7 @@ _VOCABULARY = {
     "orientation": "roll pitch yaw euler quat quaternion quaternions qw qx qy qz q0 q1 q2 q3 azimuth heading attitude"
     " orientation angle angles ang rv rotvec course bearing tilt inclination ori rpy game lage orientierung direction"
     " 角度 四元数 declination",
-    "time": "time times timestamp timestamps timestampe ts stamp clock epoch unix utc zeit zeitstempel temps"
+    "time": "time times timestamp timestamps timestampe ts stamp clock epoch epoc unix utc zeit zeitstempel temps"
     " tiempo tempo"
     " tijd 时间 時間 gpst tow uptime elapsed datetime rtc chiptime hora uhrzeit heure ora 片上时间 timecode",
     "second": "s sec secs seconds second millis millisecond milliseconds ms msec micros microsecond"
@@ -73,7 +73,8 @@ _VOCABULARY = {
     "uncal": "uncal uncalibrated uncalib unkalibriert",
     "filtered": "filtered filt smooth smoothed lp hp lowpass highpass lpf hpf kalman gefiltert",
     "truth": "truth gt pos groundtruth vicon mocap pose utm east north easting northing vio tango",
-    "filler": "value values data field imu body measurement logging motion in of the from start value reading component"
+    "filler": "value values data field champ campo realtime imu body measurement"
+    " logging motion in of the from start value reading component"
     " axis rs cal calibrated corrected calib wert richtung achse dir along nach fine coarse android"
     " type get phone world sdk reboot boot local unit und and del de der du log m5 stick ahrs mpu chip",
 }
@@ -111,7 +112,7 @@ class Words:
     unit: str
 
 
-@cache
+@lru_cache(maxsize=10_000)
 def words_of(name: str) -> Words:
     """The words of a column's or table's name."""
     text = plain_text(name[:200])
@@ -132,6 +133,7 @@ def words_of(name: str) -> Words:
     known, unit = _without_unit(rest)
     roles, letters, digits, strange = [], set(), [], []
     for word in known:
+        word = word.removesuffix("_")
         role = ROLES.get(word) or _SINGLE.get(word, "")
         if word.isdecimal():
             digits.append(word)
@@ -148,7 +150,7 @@ def words_of(name: str) -> Words:
 
 def _without_unit(words: list[str]) -> tuple[list[str], str]:
     """The words before those at the end that are a unit (``m s2``), and that unit."""
-    for size in (3, 2, 1):
+    for size in (3, 2, 1) if not words[-1:] or not words[-1].endswith("_") else ():
         unit = "".join(words[-size:])
         single = len(unit) == 1 and unit not in "gsmc"
         if len(words) > size and not unit.isdecimal() and not single and _names_unit(unit):
@@ -169,7 +171,7 @@ def _parts(word: str, among: int) -> list[str]:
     if lower[:-1] == "gf" and lower[-1] in AXES:
         return ["gf", lower[-1]]
     if lower in ROLES or lower in AXES or lower.isdecimal() or is_unit(lower):
-        return [lower] if not _LETTER_AXIS.fullmatch(lower) or lower in ("ms2",) else list(lower)
+        return _pair(lower) if _LETTER_AXIS.fullmatch(lower) else [lower]
     camel = [part.lower() for part in _CAMEL.findall(word)]
     if len(camel) > 1 and all(_known(part) for part in camel):
         return [small for part in camel for small in _letter_axis(part, len(camel))]
@@ -181,6 +183,11 @@ def _parts(word: str, among: int) -> list[str]:
 
 
 _LETTER_AXIS = re.compile(r"[agwmbhpqvrf][xyz]")
+
+
+def _pair(word: str) -> list[str]:
+    """The letter of a sensor, marked so that it is taken for no unit, and its axis."""
+    return [f"{word[0]}_", word[1]]
 
 
 def _letter_axis(word: str, among: int) -> list[str]:
@@ -196,15 +203,15 @@ def _known(part: str) -> bool:
     return part in ROLES or part in _SINGLE or part in AXES or part.isdecimal() or is_unit(part) or bool(_cut(part))
 
 
-@cache
+@lru_cache(maxsize=10_000)
 def _cut(word: str) -> list[str]:
     """A word without blanks or capitals, cut into known ones: as few as possible; nothing if it cannot be."""
     if not word or len(word) > _MOST_WORD:
         return []
     if _LETTER_AXIS.fullmatch(word):
-        return list(word)
+        return _pair(word)
     if match := re.fullmatch(r"([agwmbh])([xyz])_?(\d+)", word):
-        return list(match.groups())
+        return [*_pair(match[1] + match[2]), match[3]]
     if word == "ac":
         return ["acc"]
     best: dict[int, list[str]] = {0: []}

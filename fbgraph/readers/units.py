@@ -137,4 +137,4 @@ def shown(unit: str) -> str:
 
 def _squashed(text: str) -> str:
     plain = plain_text(text).lower().replace("**", "")
-    return re.sub(r"[^a-z0-9%?]", "", plain)
+    return re.sub(r"[^\w%?]|_", "", plain)
