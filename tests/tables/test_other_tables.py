@@ -107,6 +107,13 @@ def test_bombs_are_refused_and_damage_is_said(tmp_path: Path) -> None:
     assert len(read_tables(small, max_size=3 * len(TABLE)).tables) == 3
     with pytest.raises(DataError, match="the limit is"):
         read_tables(small, max_size=3 * len(TABLE) - 1)
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    for i in range(3):
+        (folder / f"{i}.csv").write_text(TABLE)
+    assert len(read_tables(folder, max_size=3 * len(TABLE)).tables) == 3
+    with pytest.raises(DataError, match="the limit is"):
+        read_tables(folder, max_size=3 * len(TABLE) - 1)
     data = small.read_bytes()
     for damaged in (data[:-30], data[:40] + b"\xff" * 9 + data[49:]):
         small.write_bytes(damaged)
