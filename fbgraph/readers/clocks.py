@@ -19,7 +19,7 @@ from fbgraph.readers.app_layouts import flat_name
 from fbgraph.readers.cleaning import MAX_T_NS
 from fbgraph.readers.clock_times import COUNTS, Clock, clock_ns
 from fbgraph.readers.column_names import Guess
-from fbgraph.readers.tick_counts import damage, progress, step_of, unwrapped, wraps_of
+from fbgraph.readers.tick_counts import damage, distinct, progress, step_of, unwrapped, wraps_of
 from fbgraph.readers.time_texts import kind_of_text
 from fbgraph.readers.units import UNITS, shown
 from fbgraph.tables.table import Table
@@ -150,7 +150,7 @@ def _is_inertial(guesses: Sequence[Guess]) -> bool:
 def _rank(t: FloatArray | IntArray, number: bool, weight: float, kind: str) -> tuple[float, ...]:
     """Fine clocks before coarse ones, numbers before texts, sure names before others, date and time before a time."""
     rows = max(len(t), 1)
-    fine = len(np.unique(t)) / rows
+    fine = distinct(t) / rows
     return (fine > 0.34, min(round(fine, 1), 0.9), weight > 0.4, number, weight, kind == "date_and_time", fine)
 
 
