@@ -26,7 +26,8 @@ class Meaning:
         quantity: as in a ``Guess``.
         unit: a key of ``UNITS``; ``""`` if the app does not say.
         table: a regular expression that the table's plain name must match; ``""`` for any.
-        grade: as in a ``Guess``.
+        grade, weight: as in a ``Guess``.
+        axis: where the name has no letter for it.
     """
 
     name: str
@@ -34,6 +35,8 @@ class Meaning:
     unit: str = ""
     table: str = ""
     grade: str = ""
+    weight: float = 0.95
+    axis: str = ""
 
 
 @dataclass(frozen=True)
@@ -46,15 +49,12 @@ class AppLayout:
         meanings: of the columns that the names do not tell.
         signs: of x, y, z, by quantity: what turns them into the axes of the accelerometer (a chip's magnetometer), or
             into Android's sign of gravity (an accelerometer at rest reads +1 g upwards).
-        headed: whether its files have a header; without one ``meanings`` are the columns in their order.
-        rows: number of columns of a file without a header.
     """
 
     app: str
     needs: tuple[str, ...]
     meanings: tuple[Meaning, ...] = ()
     signs: Mapping[str, tuple[int, int, int]] = field(default_factory=dict)
-    table: str = ""
 
 
 _AXIS = "(?P<axis>[xyz])"
@@ -118,7 +118,7 @@ LAYOUTS = (
         needs=(r"(.*_)?linear_acceleration_x", r"(.*_)?angular_velocity_x"),
         meanings=(
             Meaning("time", "time", "ns"),
-            Meaning(r"(.*_)?header_stamp", "time", "ns"),
+            Meaning(r"(.*_)?header_stamp", "time", "ns", weight=0.97),
             Meaning(rf"(.*_)?linear_acceleration_{_AXIS}", "acc", "ms2"),  # sensor_msgs/Imu keeps gravity
             Meaning(rf"(.*_)?angular_velocity_{_AXIS}", "gyro", "rads"),
         ),
@@ -128,9 +128,22 @@ LAYOUTS = (
         needs=(r"(.*_)?magnetic_field_x", r"(.*_)?header_stamp"),
         meanings=(
             Meaning("time", "time", "ns"),
-            Meaning(r"(.*_)?header_stamp", "time", "ns"),
+            Meaning(r"(.*_)?header_stamp", "time", "ns", weight=0.97),
             Meaning(rf"(.*_)?magnetic_field_{_AXIS}", "mag", "t"),
         ),
+    ),
+    AppLayout(
+        "a browser (DeviceMotion)",
+        needs=("rotationrate_alpha|rotation_rate_alpha",),
+        meanings=tuple(
+            Meaning(f"rotation_?rate_{name}", "gyro", "dps", axis=axis)
+            for name, axis in (("alpha", "x"), ("beta", "y"), ("gamma", "z"))
+        ),
+    ),
+    AppLayout(
+        "Core Motion (iOS)",
+        needs=(r"rotation_?rate_?x", r"gravity_?x", r"user_?acc(eleration)?_?x"),
+        signs=dict.fromkeys(("acc", "linear_acc", "gravity"), _IOS),
     ),
     AppLayout(
         "SensorLog (iOS)",

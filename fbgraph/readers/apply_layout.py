@@ -10,7 +10,7 @@ import numpy as np
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, drop_repeats
-from fbgraph.readers.clocks import Clock, RunningClock, clock_ns
+from fbgraph.readers.clock_times import Clock, RunningClock, clock_ns
 from fbgraph.readers.decide import values_of, whole_rows
 from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout
 from fbgraph.readers.restarts import continue_restarts, little_disorder

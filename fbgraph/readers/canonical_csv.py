@@ -9,9 +9,7 @@ import numpy as np
 from fbgraph.core.geometry import IntArray
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
-
-CANONICAL = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa,temp_c,event"
-"""The header of a canonical log; times that are no whole milliseconds are written as ``t_ns``."""
+from fbgraph.readers.column_names import CANONICAL
 
 _COLUMNS = {"acc": (1, STANDARD_GRAVITY_M_S2), "gyro": (4, DEGREE_RAD), "mag": (7, 1.0), "pressure": (10, 1.0)}
 _MS_NS = 1_000_000

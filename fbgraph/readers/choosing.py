@@ -9,7 +9,8 @@ import numpy as np
 
 from fbgraph.core.safe_text import short_name
 from fbgraph.readers.app_layouts import layout_of, signs_of
-from fbgraph.readers.column_names import VECTORS, Guess
+from fbgraph.readers.column_names import Guess
+from fbgraph.readers.name_meaning import VECTORS
 from fbgraph.readers.units import shown
 from fbgraph.tables.table import Table
 
@@ -93,6 +94,9 @@ def choose(tables: Sequence[Table], guesses: Sequence[Sequence[Guess]]) -> Chose
     found = [pick for i in range(len(tables)) for pick in _vectors(tables, i, guesses[i])]
     found = _settled(choice, found)
     acc = _best_of(choice, found, "acc", "")
+    if acc is not None and acc.grade and _restored(choice, found):
+        choice.passed_over.append((choice.picks.pop("acc"), f"{acc.grade}; linear acceleration with gravity is not"))
+        acc = None
     if acc is None:
         for quantity in ("linear_acc", "gravity"):
             acc = _best_of(choice, found, quantity, "") or acc
@@ -189,8 +193,25 @@ def _best_of(choice: _Choice, found: Sequence[Pick], quantity: str, sensor: str)
     if rivals and quantity in ("acc", "gyro"):
         names = ", ".join(choice.name(rival) for rival in rivals[:3])
         more = f" and {len(rivals) - 3} more" if len(rivals) > 3 else ""
-        choice.notes.append(f"two or more sensors ({quantity}): {choice.name(best)} is used, not {names}{more}")
+        what = "several logs" if any(_same_columns(choice, best, rival) for rival in rivals) else "several sensors"
+        choice.notes.append(f"{what} ({quantity}): {choice.name(best)} is used, not {names}{more}")
     return best
+
+
+def _same_columns(choice: _Choice, one: Pick, other: Pick) -> bool:
+    """Whether two picks are of two tables with the same columns: two walks rather than two devices."""
+    names = [[column.name for column in choice.tables[pick.table].columns] for pick in (one, other)]
+    return one.table != other.table and names[0] == names[1] and len(names[0]) > 5
+
+
+def _restored(choice: _Choice, found: Sequence[Pick]) -> bool:
+    """Whether acceleration without gravity and a gravity of as many rows are there, in known units."""
+    rows = {
+        pick.quantity: len(choice.tables[pick.table])
+        for pick in found
+        if pick.quantity in ("linear_acc", "gravity") and pick.unit and not pick.grade
+    }
+    return len(rows) == 2 and rows["gravity"] > 0.9 * rows["linear_acc"]
 
 
 def _reason(choice: _Choice, best: Pick, other: Pick) -> str:

@@ -16,10 +16,11 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.safe_text import short_name
 from fbgraph.readers.app_layouts import flat_name
-from fbgraph.readers.cleaning import MAX_T_NS, to_ns
+from fbgraph.readers.cleaning import MAX_T_NS
+from fbgraph.readers.clock_times import COUNTS, Clock, clock_ns
 from fbgraph.readers.column_names import Guess
-from fbgraph.readers.tick_counts import damage, progress, spread, step_of, unwrapped, wraps_of
-from fbgraph.readers.time_texts import DAY_NS, UNREAD, dates_ns, kind_of_text, stamps_ns, times_of_day_ns
+from fbgraph.readers.tick_counts import damage, distinct, progress, step_of, unwrapped, wraps_of
+from fbgraph.readers.time_texts import kind_of_text
 from fbgraph.readers.units import UNITS, shown
 from fbgraph.tables.table import Table
 
@@ -29,28 +30,6 @@ _TICKS = ("s", "ms", "us", "ns", "100us", "day")
 _EPOCH_S = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100
 _HMS = ("hour|hours|hh|h|std|stunde|hr", "minute|minutes|min|mins|mm|mi", "second|seconds|sec|secs|ss|s|sek")
 _FEW_ROWS = 20
-
-
-@dataclass(frozen=True)
-class Clock:
-    """What tells the time of a table's rows.
-
-    Attributes:
-        kind: ``ticks`` (a number), ``stamps`` (text with a date), ``date_and_time`` (two columns), ``time_of_day``,
-            ``hms`` (columns of hours, minutes, seconds) or ``samples`` (a counter, or the rows if there is no column).
-        columns: of the table.
-        tick_ns: nanoseconds of one unit of a number, or from sample to sample.
-        wrap: after so many ticks the counter began again, at least once; 0 if it never did.
-        why: for people.
-        text: what people must know: what was assumed; ``""`` if nothing was.
-    """
-
-    kind: str
-    columns: tuple[int, ...]
-    tick_ns: float
-    wrap: float
-    why: str
-    text: str = ""
 
 
 @dataclass(frozen=True)
@@ -105,83 +84,6 @@ def find_clock(
     return Clock("samples", columns, 1e9 / ASSUMED_RATE_HZ, 0, source, text)
 
 
-def clock_ns(table: Table, clock: Clock) -> IntArray:
-    """Times (N,) of a table's rows in nanoseconds, in their order; beyond ``MAX_T_NS`` where a row has none.
-
-    Counters that begin again go on; times of day go on after midnight. Rows that share a tick of a coarse clock, three
-    or more on average, are spread over it.
-    """
-    if clock.kind == "samples" and not clock.columns:
-        return np.round(np.arange(len(table)) * clock.tick_ns).astype(np.int64)
-    values = [table.columns[i].values for i in clock.columns]
-    if clock.kind == "ticks":
-        t_ns = to_ns(unwrapped(values[0], _spans(clock))[0], int(clock.tick_ns))
-    elif clock.kind == "samples":
-        counts = unwrapped(values[0], (2.0**8, 2.0**16, 2.0**32))[0]
-        there = np.isfinite(counts) & (np.abs(counts) * clock.tick_ns < MAX_T_NS)
-        t_ns = np.where(there, np.round(np.where(there, counts, 0) * clock.tick_ns), MAX_T_NS + 1).astype(np.int64)
-    elif clock.kind == "stamps":
-        t_ns = _read(stamps_ns(values[0]))
-    elif clock.kind == "date_and_time":
-        days, (times, _) = dates_ns(values[0]), times_of_day_ns(values[1])
-        t_ns = _read(np.where((days == UNREAD) | (times == UNREAD), UNREAD, days + times))
-    elif clock.kind == "hms":
-        hours, minutes, seconds = (np.asarray(column, dtype=float) for column in values)
-        t_ns = _going_on(to_ns((hours * 60 + minutes) * 60 + seconds, 1_000_000_000), DAY_NS)
-    else:
-        times, period = times_of_day_ns(values[0])
-        t_ns = _going_on(_read(times), period)
-    return t_ns if clock.kind == "samples" else spread(t_ns)
-
-
-class RunningClock:
-    """The same times as ``clock_ns`` gives, for rows that arrive a few at a time.
-
-    A coarse clock is spread only within the rows that come together.
-    """
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._rows = 0
-        self._last: FloatArray | IntArray = np.empty(0, dtype=np.int64)
-        self._shift_ns = 0
-        self._last_ns: int | None = None
-
-    def ns(self, table: Table) -> IntArray:
-        """Times (N,) of the rows that came after all others."""
-        clock = self._clock
-        if clock.kind == "samples" and not clock.columns:
-            t_ns = np.round((self._rows + np.arange(len(table))) * clock.tick_ns).astype(np.int64)
-            self._rows += len(table)
-            return t_ns
-        t_ns = clock_ns(table, clock)
-        good = np.flatnonzero(np.abs(t_ns) <= MAX_T_NS)
-        if len(good) == 0:
-            return t_ns
-        if period := self._period_ns(table):
-            first = int(t_ns[good[0]])
-            if self._last_ns is not None and first + self._shift_ns < self._last_ns - period // 2:
-                self._shift_ns += period
-            t_ns = np.where(np.abs(t_ns) <= MAX_T_NS, t_ns + self._shift_ns, t_ns)
-        self._last_ns = int(t_ns[good[-1]])
-        return t_ns
-
-    def _period_ns(self, table: Table) -> int:
-        """After how long the clock begins again, if what has just come is a beginning."""
-        clock = self._clock
-        if clock.kind in ("time_of_day", "hms"):
-            return DAY_NS if clock.kind == "hms" else times_of_day_ns(table.columns[clock.columns[0]].values[:1])[1]
-        if clock.kind not in ("ticks", "samples"):
-            return 0
-        values = table.columns[clock.columns[0]].values
-        spans = _spans(clock) if clock.kind == "ticks" else (2.0**8, 2.0**16, 2.0**32)
-        joined = np.concatenate((self._last, values))
-        after = unwrapped(joined, spans)[1]
-        before = unwrapped(values, spans)[1]
-        self._last = joined[-50:]
-        return round(after * clock.tick_ns) if after and not before else 0
-
-
 def labelled_rate_hz(counter: str, labels: Sequence[Table]) -> float | None:
     """The rate of samples, where a table beside says at which sample which time was; None if none does.
 
@@ -199,7 +101,7 @@ def labelled_rate_hz(counter: str, labels: Sequence[Table]) -> float | None:
             if times and i not in times[0].columns:
                 t_s = clock_ns(table, times[0]) * 1e-9
                 samples = np.asarray(column.values, dtype=float)
-                rate = float(np.polyfit(t_s - t_s[0], samples, 1)[0])
+                rate = float((samples[-1] - samples[0]) / max(t_s[-1] - t_s[0], 1e-9))
                 if _INERTIAL_HZ[0] <= rate <= _INERTIAL_HZ[1]:
                     return rate
     return None
@@ -248,7 +150,7 @@ def _is_inertial(guesses: Sequence[Guess]) -> bool:
 def _rank(t: FloatArray | IntArray, number: bool, weight: float, kind: str) -> tuple[float, ...]:
     """Fine clocks before coarse ones, numbers before texts, sure names before others, date and time before a time."""
     rows = max(len(t), 1)
-    fine = len(np.unique(t)) / rows
+    fine = distinct(t) / rows
     return (fine > 0.34, min(round(fine, 1), 0.9), weight > 0.4, number, weight, kind == "date_and_time", fine)
 
 
@@ -279,7 +181,8 @@ def _try_number(table: Table, guess: Guess, inertial: bool) -> _Trial:
     if wrap:
         text = f"{text}; " if text else ""
         text += f"column {name} begins again after {wrap:.10g}: its times go on"
-    clock = Clock("ticks", (guess.column,), UNITS["time"][unit], wrap, f"{guess.why}, counts {shown(unit)}", text)
+    kind = "days" if unit == "day" else "ticks"
+    clock = Clock(kind, (guess.column,), UNITS["time"][unit], wrap, f"{guess.why}, counts {shown(unit)}", text)
     return _Trial(clock, _rank(t, True, guess.weight, "ticks"), column=guess.column)
 
 
@@ -363,7 +266,7 @@ def _counter(table: Table, guesses: Sequence[Guess]) -> int | None:
         if guess.quantity == "counter" and guess.weight > 0.4:
             values = table.columns[guess.column].values
             if values.dtype.kind == "i" and len(values) > 1:
-                counts, _ = unwrapped(values, (2.0**8, 2.0**16, 2.0**32))
+                counts, _ = unwrapped(values, COUNTS)
                 steps = np.diff(counts)
                 if (steps > 0).all() and np.median(steps) < 10:
                     return guess.column
@@ -385,24 +288,6 @@ def _looks_like_time(table: Table, guesses: Sequence[Guess]) -> int | None:
         if len(steps) >= _FEW_ROWS and (steps > 0).mean() > 0.99 and not (steps == 1).mean() > 0.9:
             return i
     return None
-
-
-def _spans(clock: Clock) -> tuple[float, ...]:
-    unit = next((unit for unit, tick in UNITS["time"].items() if tick == clock.tick_ns), "")
-    return (clock.wrap,) if clock.wrap else wraps_of(unit)
-
-
-def _read(t_ns: IntArray) -> IntArray:
-    return np.where(t_ns == UNREAD, MAX_T_NS + 1, t_ns).astype(np.int64)
-
-
-def _going_on(t_ns: IntArray, period_ns: int) -> IntArray:
-    """Times that go on where they began again: a jump of more than half a period is a whole one."""
-    good = np.abs(t_ns) <= MAX_T_NS
-    turns = np.cumsum(np.round(np.diff(t_ns[good]) / period_ns)).astype(np.int64)
-    gone_on = t_ns.copy()
-    gone_on[np.flatnonzero(good)[1:]] -= turns * period_ns
-    return gone_on
 
 
 def _name(table: Table, column: int) -> str:

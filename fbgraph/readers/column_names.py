@@ -12,15 +12,15 @@ import numpy as np
 from fbgraph.core.bounded import MOST_COLUMNS
 from fbgraph.core.safe_text import short_name
 from fbgraph.readers.app_layouts import AppLayout, layout_of, meaning_of
-from fbgraph.readers.name_words import Words, words_of
+from fbgraph.readers.name_meaning import TRUTH, VECTORS, contradicts, grade_of, quantities, sensor_of
+from fbgraph.readers.name_words import words_of
 from fbgraph.readers.time_texts import kind_of_text
-from fbgraph.readers.units import quantities_of, shown, unit_of
+from fbgraph.readers.units import shown, unit_of
 from fbgraph.tables.table import Column, Table
 
-VECTORS = ("acc", "linear_acc", "gravity", "gyro", "mag")
-"""Quantities with three axes."""
-_SURE, _LETTER, _PLACE, _UNIT_ONLY = 0.9, 0.7, 0.8, 0.6
-_TRUTH = {"x": "truth_x", "y": "truth_y", "z": "truth_z"}
+CANONICAL = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa,temp_c,event"
+"""The columns of the CSV that fbgraph writes."""
+_PLACE, _SURE = 0.8, 0.9
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,9 @@ class Guess:
     Attributes:
         column: its place in the table.
         quantity: ``acc``, ``linear_acc`` (gravity removed), ``gravity``, ``gyro``, ``mag``, ``pressure``,
-            ``temperature``, ``altitude``, ``event``, ``counter``, ``date``, ``time``, ``time_of_day``, ``lat``, ``lon``,
-            ``height``, ``accuracy``, ``truth_x``, ``truth_y``, ``truth_z``, ``orientation``, ``device`` or ``unknown``.
+            ``temperature``, ``altitude``, ``event``, ``counter``, ``date``, ``time``, ``time_of_day``, ``lat``,
+            ``lon``, ``height``, ``accuracy``, ``truth_x``, ``truth_y``, ``truth_z``, ``orientation``,
+            ``device`` or ``unknown``.
         axis: ``x``, ``y``, ``z`` or ``""``.
         unit: a key of ``UNITS[quantity]``, from this column's own name, row of units or app; ``""`` if nothing says it.
         sensor: which of several devices; ``""`` is usual.
@@ -80,9 +81,9 @@ def _guess(table: Table, i: int, layout: AppLayout | None, place: tuple[str, str
     if layout and (found := meaning_of(layout, table.name, column.name)):
         meaning, axis = found
         unit = unit_of(words_of(column.name).unit or column.unit, meaning.quantity) or meaning.unit
-        sensor = _sensor(words_of(column.name), meaning.quantity)
+        sensor = "" if meaning.axis else sensor_of(words_of(column.name), meaning.quantity)
         why = f"{layout.app} writes so"
-        yield Guess(i, meaning.quantity, axis, unit, sensor, 0.95, why, meaning.grade)
+        yield Guess(i, meaning.quantity, axis or meaning.axis, unit, sensor, meaning.weight, why, meaning.grade)
         return
     words = words_of(column.name)
     written = words.unit or column.unit
@@ -92,168 +93,26 @@ def _guess(table: Table, i: int, layout: AppLayout | None, place: tuple[str, str
         weight = _SURE if {"time", "date", "second"} & set(words.roles) else 0.6
         yield Guess(i, quantity, "", "", "", weight, f"its texts are like {short_name(_first_text(column))}")
         return
-    for quantity, weight, why in _quantities(words, written, place, table):
+    for quantity, weight, why in quantities(words, written, place):
         unit = unit_of(written, quantity) or (_unit_of_time(column.name) if quantity == "time" else "")
-        fits = unit or not written or (column.unit and not words.unit) or not _contradicts(written, quantity)
-        axis = words.axis if quantity in VECTORS or quantity in _TRUTH.values() else ""
+        fits = (
+            unit
+            or quantity in ("unknown", "orientation")
+            or not written
+            or (column.unit and not words.unit)
+            or not contradicts(written, quantity)
+        )
+        axis = words.axis if quantity in VECTORS or quantity in TRUTH.values() else ""
         yield Guess(
             i,
             quantity,
             axis,
             unit,
-            _sensor(words, quantity),
+            sensor_of(words, quantity),
             round(min(1.0, weight * (1.05 if unit else 1.0) * (1.0 if fits else 0.2)), 3),
             f"{why.format(name=name)}{f', in {shown(unit)}' if unit else ''}",
-            _grade(words, quantity) or (place[1] if quantity == place[0] else ""),
+            grade_of(words, quantity) or (place[1] if quantity == place[0] else ""),
         )
-
-
-def _contradicts(written: str, quantity: str) -> bool:
-    """Whether a unit is of another sensor than this quantity's."""
-    others = quantities_of(written)
-    metres = bool(unit_of(written, "altitude"))
-    return bool(others and quantity not in others) or (metres and quantity in ("pressure", *VECTORS))
-
-
-def _quantities(words: Words, written: str, place: tuple[str, str], table: Table) -> Iterator[tuple[str, float, str]]:
-    """What the words of a name may mean: quantity, weight and why (``{name}`` stands for it)."""
-    roles = set(words.roles)
-    by_unit = quantities_of(written)
-    said = "named {name}"
-    lonely = 1.0 if not words.strange else 0.9
-    if not roles:
-        yield from _by_place(words, by_unit, place, written)
-        return
-    if roles & {"norm", "interval", "derived", "velocity"} and not roles & {"angular", "rate"}:
-        if "accuracy" in roles:
-            yield "accuracy", 0.5, said
-        if "norm" not in roles or not words.axis:
-            what = sorted(roles & {"norm", "interval", "derived", "velocity"})[0]
-            yield "unknown", _SURE, f"{said}: {'a norm' if what == 'norm' else 'no measurement of a sensor'}"
-            return
-    if "accuracy" in roles:
-        yield "accuracy", _SURE, said
-    elif words.letters >= {"mag"} and len(roles & {"acc", "gyro", "mag"}) > 1 and len(words.letters) > 1:
-        yield "unknown", _SURE, f"{said}: a bias"
-    elif "time" in roles and not words.axis:
-        letter = "time" in words.letters
-        if letter and unit_of(written, "temperature"):
-            yield "temperature", _SURE, said
-        elif "location" in roles or (roles & {"lat", "lon"}):
-            yield "time", 0.3, f"{said}: the time of another sensor"
-        elif words.digits and letter:
-            yield "unknown", 0.3, said
-        else:
-            sensors = roles & {"acc", "gyro", "mag", "pressure", "altitude", "orientation", "temperature", "event"}
-            weight = {"acc": 0.86, "gyro": 0.82}.get(min(sensors, default=""), 0.5 if sensors else _SURE)
-            yield "time", (_LETTER if letter else weight) * lonely, said
-    else:
-        yield from _sensors(words, roles, by_unit, written, place, lonely)
-
-
-def _by_place(
-    words: Words, by_unit: tuple[str, ...], place: tuple[str, str], written: str
-) -> Iterator[tuple[str, float, str]]:
-    """A name without a word for its sensor (``X (m/s^2)``): the table's name or the unit tells."""
-    alone = words.axis or not words.strange
-    if place[0] in VECTORS and words.axis:
-        yield place[0], _PLACE, "{name} of the table of that sensor"
-    elif place[0] == "pressure" and alone and (not written or "pressure" in by_unit):
-        yield "pressure", _PLACE if by_unit else 0.5, "{name} of the table of that sensor"
-    elif words.axis and by_unit:
-        yield by_unit[0], _UNIT_ONLY, "the unit of {name}"
-    elif unit_of(written, "temperature") and len(written) > 1 and not words.axis:
-        yield "temperature", 0.5, "the unit of {name}"
-    elif words.axis and unit_of(written, "truth_x"):
-        yield _TRUTH[words.axis], 0.4, "the unit of {name}"
-
-
-def _sensors(
-    words: Words, roles: set[str], by_unit: tuple[str, ...], written: str, place: tuple[str, str], lonely: float
-) -> Iterator[tuple[str, float, str]]:
-    said = "named {name}"
-    letter = _LETTER * lonely if words.letters else _SURE * lonely
-    turning = (
-        roles & {"gyro", "angular"} or {"rotation", "rate"} <= roles or ("rotation" in roles and "gyro" in by_unit)
-    )
-    if "truth" in roles or ("location" in roles and words.axis and not by_unit):
-        if words.axis:
-            yield _TRUTH[words.axis], 0.8, said
-        elif "altitude" in roles:
-            yield "height", 0.6, said
-        return
-    if "altitude" in roles:
-        yield ("height" if "location" in roles or place[0] == "location" else "altitude"), 0.8, said
-    elif roles & {"lat", "lon"}:
-        yield ("lat" if "lat" in roles else "lon"), _SURE, said
-    elif "orientation" in roles and not (turning and words.axis and "orientation" not in words.letters):
-        yield "orientation", _SURE, said
-        if words.axis and "mag" in by_unit:
-            yield "mag", 0.3, "the unit of {name}"
-    elif "gravity" in roles and ("acc" not in roles or not roles & {"include", "exclude"}):
-        yield "gravity", _SURE * lonely, said
-    elif "linear" in roles or ("acc" in roles and {"exclude", "gravity"} <= roles) or {"acc", "exclude"} <= roles:
-        yield "linear_acc", _SURE * lonely, said
-    elif turning:
-        yield from _gyro_or_gravity(words, letter, written)
-    elif "acc" in roles and not ("mag" in roles and not words.axis):
-        yield "acc", letter, said
-    elif "mag" in roles:
-        yield "mag", letter * (0.9 if words.letters else 1.0), said
-    elif "pressure" in roles:
-        if "pressure" in words.letters and "pressure" not in by_unit:
-            yield "orientation", 0.45, "named {name}, perhaps pitch"
-            yield "pressure", 0.4, said
-        else:
-            yield "pressure", _SURE * lonely, said
-    else:
-        yield from _the_rest(words, roles, written, lonely)
-
-
-def _gyro_or_gravity(words: Words, letter: float, written: str) -> Iterator[tuple[str, float, str]]:
-    """``gx`` is the gyroscope's of an M5StickC, and gravity's of some phones."""
-    if words.letters and unit_of(written, "acc"):
-        yield "gravity", 0.5, "named {name}, with a unit of acceleration"
-        yield "acc", 0.45, "named {name}, with a unit of acceleration"
-        return
-    yield "gyro", letter, "named {name}"
-    if words.letters and words.roles == ("gyro",):
-        yield "gravity", 0.2, "named {name}, perhaps gravity"
-
-
-def _the_rest(words: Words, roles: set[str], written: str, lonely: float) -> Iterator[tuple[str, float, str]]:
-    said = "named {name}"
-    strange = bool(words.strange)
-    if "temperature" in roles:
-        yield "temperature", _SURE, said
-    elif "event" in roles and not strange:
-        yield "event", _SURE, said
-    elif "second" in roles and not roles - {"second", "counter"} and not strange:
-        yield "time", _SURE if "counter" not in roles else 0.6, said
-    elif "counter" in roles and not roles - {"counter", "device", "second"} and not strange:
-        yield ("device" if "device" in roles and "counter" in roles else "counter"), _SURE, said
-    elif "date" in roles:
-        yield "date", 0.5, said
-    elif "device" in roles:
-        yield "device", 0.8, said
-    elif words.axis and (units := quantities_of(written)):
-        yield units[0], _UNIT_ONLY * lonely, "the unit of {name}"
-    else:
-        yield "unknown", 0.5, said
-
-
-def _grade(words: Words, quantity: str) -> str:
-    if quantity not in (*VECTORS, "pressure"):
-        return ""
-    roles = set(words.roles)
-    if "raw" in roles or "counter" in roles:
-        return "raw"
-    return "uncalibrated" if "uncal" in roles else "filtered" if "filtered" in roles else ""
-
-
-def _sensor(words: Words, quantity: str) -> str:
-    """Which device: the words and digits of a name that say nothing else."""
-    return " ".join((*words.strange, *words.digits)) if quantity in VECTORS or quantity == "pressure" else ""
 
 
 def _unit_of_time(name: str) -> str:
@@ -270,20 +129,19 @@ def _quantity_of_table(name: str) -> tuple[str, str]:
     roles = set(words.roles)
     if roles & {"location", "lat"}:
         return "location", ""
-    quantities = [q for q, _, _ in _quantities(replace(words, axis="x", unit=""), "", ("", ""), _NO_TABLE)]
-    quantity = quantities[0] if quantities else ""
+    meant = quantities(replace(words, axis="x", unit=""), "", ("", ""))
+    quantity = next((quantity for quantity, _, _ in meant), "")
     if words.letters or quantity not in (*VECTORS, "pressure", "orientation"):
         return "", ""
-    return quantity, _grade(words, quantity)
-
-
-_NO_TABLE = Table("", "", ())
+    return quantity, grade_of(words, quantity)
 
 
 def _headless(table: Table) -> Iterator[Guess]:
     """Columns without names: time and the axes of the sensor after which the table is named."""
     place, grade = _quantity_of_table(table.name)
     wanted = 3 if place in VECTORS else 1 if place == "pressure" else 0
+    if not wanted:
+        yield from _canonical(table)
     if not wanted or not wanted + 1 <= len(table.columns) <= wanted + 2:
         return
     why = f"no header: column {{}} of a table named {short_name(table.name)}"
@@ -293,6 +151,24 @@ def _headless(table: Table) -> Iterator[Guess]:
         yield Guess(i + 1, place, axis, "", "", _PLACE, why.format(i + 2), grade)
     if len(table.columns) == wanted + 2:
         yield Guess(wanted + 1, "accuracy", "", "", "", 0.5, why.format(wanted + 2))
+
+
+def _canonical(table: Table) -> Iterator[Guess]:
+    """The columns of the M5StickC's own CSV without its header, if their number and values are those of it."""
+    names, columns = CANONICAL.split(","), table.columns
+    if not 11 <= len(columns) <= 13 or columns[0].values.dtype.kind != "i":
+        return
+    if any(column.is_text for column in columns[1:11]) or not _near_an_atmosphere(columns[10]):
+        return
+    if len(columns) == 12 and columns[11].is_text:
+        names.remove("temp_c")
+    named = replace(table, headed=True, columns=tuple(map(_renamed, columns, names)))
+    why = f"no header: columns taken as {CANONICAL}"
+    yield from (replace(guess, why=why, weight=min(guess.weight, 0.7)) for guess in guess_columns(named))
+
+
+def _renamed(column: Column, name: str) -> Column:
+    return replace(column, name=name)
 
 
 def _counted_axes(table: Table, guesses: list[Guess]) -> list[Guess]:
@@ -308,36 +184,47 @@ def _counted_axes(table: Table, guesses: list[Guess]) -> list[Guess]:
         if numbers in ([0, 1, 2], [1, 2, 3]):
             for number, k in same:
                 words = words_of(table.columns[guesses[k].column].name)
-                sensor = _sensor(replace(words, digits=words.digits[:-1]), guesses[k].quantity)
+                sensor = sensor_of(replace(words, digits=words.digits[:-1]), guesses[k].quantity)
                 guesses[k] = replace(guesses[k], axis="xyz"[number - numbers[0]], sensor=sensor)
     return guesses
 
 
 def _among_others(table: Table, guesses: list[Guess]) -> list[Guess]:
     """The same guesses, weighed by what else the table holds: three axes make a sensor; r, p, y are angles."""
+    guesses = [_relabelled(table, guess, guesses) for guess in guesses]
     axes = Counter((g.quantity, g.sensor, g.grade) for g in guesses if g.axis)
-    has_gyro = any(
-        g.quantity == "gyro" and words_of(table.columns[g.column].name).roles != ("gyro",) or _is_w(table, g)
-        for g in guesses
-    )
+    has_gyro = any(g.quantity == "gyro" and not _is_g(table, g) for g in guesses)
     angles = {"r", "p", "y"} <= {column.name.strip().lower() for column in table.columns}
     weighed = []
     for guess in guesses:
-        weight, words = guess.weight, words_of(table.columns[guess.column].name)
-        if guess.quantity in VECTORS and (not guess.axis or axes[guess.quantity, guess.sensor, guess.grade] < 3):
+        weight = guess.weight
+        if guess.quantity in VECTORS and axes[guess.quantity, guess.sensor, guess.grade] < 3:
             weight *= 0.4
-        if guess.quantity in ("gyro", "gravity") and words.letters and words.roles == ("gyro",):
-            if has_gyro and not _is_w(table, guess) and not guess.unit:
-                weight = 0.6 if guess.quantity == "gravity" else 0.3
+        if guess.quantity in ("gyro", "gravity") and has_gyro and _is_g(table, guess) and not guess.unit:
+            weight = 0.6 if guess.quantity == "gravity" else 0.3
         if guess.quantity == "pressure" and guess.weight <= 0.5:
             weight = 0.1 if angles else 0.6 if _near_an_atmosphere(table.columns[guess.column]) else 0.2
         weighed.append(replace(guess, weight=round(weight, 3)))
     return weighed
 
 
-def _is_w(table: Table, guess: Guess) -> bool:
-    name = table.columns[guess.column].name.lower()
-    return guess.quantity == "gyro" and re.fullmatch(r"w_?[xyz].*", name) is not None
+def _relabelled(table: Table, guess: Guess, guesses: Sequence[Guess]) -> Guess:
+    """A vector without an axis is none; acceleration beside one that includes gravity has none."""
+    if guess.quantity in VECTORS and not guess.axis:
+        return replace(guess, quantity="unknown", unit="", why=f"{guess.why}, without an axis")
+    if guess.quantity == "acc" and "include" not in _roles(table, guess):
+        including = any(other.quantity == "acc" and "include" in _roles(table, other) for other in guesses)
+        return replace(guess, quantity="linear_acc") if including else guess
+    return guess
+
+
+def _roles(table: Table, guess: Guess) -> tuple[str, ...]:
+    return words_of(table.columns[guess.column].name).roles
+
+
+def _is_g(table: Table, guess: Guess) -> bool:
+    """Whether nothing but the letter g says what a column is."""
+    return re.match(r"g[ _]?[xyz]", table.columns[guess.column].name.lower()) is not None
 
 
 def _near_an_atmosphere(column: Column) -> bool:

@@ -15,7 +15,8 @@ from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.sensor_log import Stream
 from fbgraph.readers.cleaning import MAX_T_NS
 from fbgraph.readers.choosing import Chosen, Pick, choose
-from fbgraph.readers.clocks import Clock, clock_ns, find_clock
+from fbgraph.readers.clock_times import Clock, clock_ns
+from fbgraph.readers.clocks import find_clock
 from fbgraph.readers.column_names import Guess, guess_columns
 from fbgraph.readers.formats import format_of
 from fbgraph.readers.judge_sensors import Judged, judge_sensors

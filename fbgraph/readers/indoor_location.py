@@ -6,7 +6,9 @@ ones repeat them.
 
 from __future__ import annotations
 
+import re
 from array import array
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +37,7 @@ _TAGS = {  # stream, values, least number of fields: an accuracy follows vectors
     "TYPE_WAYPOINT": ("waypoint", 2, 2),
 }
 _TICK_NS = 1_000_000
+_RUN_ON = re.compile(r"(?<=.)(?=[0-9]{13}\tTYPE_)")  # the next record, where an end of line was lost
 _WAYPOINT_SIGMA_M = 1.2  # tapped on a map of the floor by whoever walks past
 
 
@@ -70,13 +73,22 @@ def read(source: Path | LogText) -> RawLog:
     return raw
 
 
+def _records(lines: list[str]) -> Iterator[str]:
+    """Lines; those that run on are two."""
+    for line in lines:
+        if line.count("\tTYPE_") > 1:
+            yield from _RUN_ON.split(line)
+        else:
+            yield line
+
+
 def _tables(text: LogText) -> tuple[dict[str, array[int]], dict[str, array[float]], int]:
     """Times and numbers by stream, row by row, and how many lines were unreadable."""
     times: dict[str, array[int]] = {name: array("q") for name, _, _ in _TAGS.values()}
     numbers: dict[str, array[float]] = {name: array("d") for name, _, _ in _TAGS.values()}
     bad = 0
     for lines in text.lines():
-        for line in lines:
+        for line in _records(lines):
             t_ms, _, rest = line.partition("\t")
             tag, _, values = rest.partition("\t")
             if tag not in _TAGS:

@@ -12,6 +12,7 @@ from fbgraph.readers.magnetometer_axes import judge_gravity_sign, judge_magnetom
 from fbgraph.readers.sensor_axes import Turning, Vote, told_axes, vote
 from fbgraph.readers.sensor_physics import judge_accelerometer, judge_gyroscope_unit, judge_pressure
 
+_LONG_S, _PIECES = 600.0, 60  # of a longer log so many pieces of ten seconds are looked at
 _NAMES = {"acc": "accelerometer", "gyro": "gyroscope"}
 
 
@@ -54,6 +55,7 @@ def judge_sensors(
         Scales and axes: SI in the device's axes is ``scale * values @ axes.T``.
     """
     named = named_scales or {}
+    acc, gyro, mag = _pieces(acc, gyro, mag)
     unit = judge_accelerometer(acc, named.get("acc"))
     air = judge_pressure(pressure.values, named.get("pressure")) if pressure is not None and len(pressure) else None
     mag = mag if mag is not None and len(mag) > 1 else None
@@ -77,10 +79,25 @@ def judge_sensors(
             acc_now,
             axes=sign.axes @ acc_now.axes,
             by=acc_now.by if sign.straight else sign.by,
-            sure=acc_now.sure and sign.sure,
+            sure=acc_now.sure and sign.sure and (sign.straight or voted.sure),
             text="; ".join(text for text in (acc_now.text, sign.text) if text),
         )
     return Judged(acc_now, gyro_now, compass, air, voted.sure or voted.culprit != "none")
+
+
+def _pieces(acc: Stream, gyro: Stream, mag: Stream | None) -> tuple[Stream, Stream, Stream | None]:
+    """The same, of a long log evenly spaced pieces: an hour tells no more than ten minutes."""
+    end_s = float(acc.t_s[-1]) if len(acc) else 0.0
+    start_s = float(acc.t_s[0]) if len(acc) else 0.0
+    if end_s - start_s <= _LONG_S:
+        return acc, gyro, mag
+    starts_s = np.linspace(start_s, end_s - _LONG_S / _PIECES, _PIECES)
+
+    def thinned(stream: Stream) -> Stream:
+        pieces = [stream.between(t_s, t_s + _LONG_S / _PIECES) for t_s in starts_s]
+        return Stream(np.concatenate([p.t_s for p in pieces]), np.concatenate([p.values for p in pieces]))
+
+    return thinned(acc), thinned(gyro), None if mag is None else thinned(mag)
 
 
 def _with_axes(sensor: str, unit: Judgement, voted: Vote) -> Judgement:

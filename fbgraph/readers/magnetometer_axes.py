@@ -25,6 +25,7 @@ _SCALED_UT = 50.0
 _CLEAR_DIP = 0.25  # its sine
 _FACE_DOWN = 0.5  # of gravity
 _ALWAYS = 0.9
+_SAMPLES = 10_000  # are enough for a mean
 _UNITS = {"µT": 1.0, "nT": 1e-3, "milligauss": 0.1, "gauss": 100.0, "mT": 1e3, "T": 1e6}
 _AK_UT = 0.15
 """A count of AK09916 (ICM-20948) and, at 16 bits, AK8963 (MPU-9250)."""
@@ -62,6 +63,7 @@ def see_field(turning: Turning, gyro_scale: float, vote: Vote, acc: Stream, mag:
         order = order.T if vote.culprit == "gyro" else order
         h = int(np.abs(SIGNED_ORDERS - order).sum(axis=(1, 2)).argmin())
         offset = PROPER_ORDERS[h % 24].T @ moving.free[h]
+    mag = Stream(mag.t_s[:: len(mag) // _SAMPLES + 1], mag.values[:: len(mag) // _SAMPLES + 1])
     field = mag.values - offset
     size = np.linalg.norm(field, axis=1)
     level = np.stack([np.interp(mag.t_s, acc.t_s, column) for column in acc.values.T], axis=1)
@@ -84,8 +86,8 @@ def judge_magnetometer(vote: Vote, seen: Field, mag: Stream, named_scale: float 
         if seen.down < -_CLEAR_DIP:
             text = "the magnetic field points out of the ground, as it does only south of the magnetic equator"
             return replace(unit, sure=False, text=_joined(unit.text, text))
-        doubt = vote.other if "magnetometer" in vote.other else ""
-        text = f"compass and gyroscope would agree better if {doubt}; its axes are kept as named" if doubt else ""
+        doubt = vote.other if "gyroscope" not in vote.other and "accelerometer" not in vote.other else ""
+        text = f"the sensors would agree better if {doubt}; they are kept as named" if doubt else ""
         return replace(unit, sure=unit.sure and not doubt, text=_joined(unit.text, text))
     clear = abs(seen.down) > _CLEAR_DIP
     axes = vote.axes if seen.down > 0.0 else -vote.axes
@@ -124,13 +126,16 @@ def _unit(seen: Field, mag: Stream, vote: Vote, named_scale: float | None) -> Ju
         named = next((unit for unit, s in _UNITS.items() if np.isclose(s, named_scale)), f"{named_scale:.4g} µT")
         possible = _IMPOSSIBLE_UT[0] < seen.size * named_scale < _IMPOSSIBLE_UT[1]
         if possible or nearest not in fits:
-            return Judgement(named_scale, named, "name", True)
+            likely = _IMPOSSIBLE_UT[0] < seen.raw_size * named_scale < _IMPOSSIBLE_UT[1]
+            text = "" if likely else f"{strength}, in {named} as it is named much more or less than Earth's 22 to 67 µT"
+            return Judgement(named_scale, named, "name", likely, text=text)
         text = f"{strength}, which is no field of Earth's in {named}, as it is named: taken as {nearest}"
         return Judgement(_UNITS[nearest], nearest, "physics", True, text=text)
     text = f"the magnetometer's unit is not named: {strength}"
+    inside = _FIELD_UT[0] < seen.size * _UNITS[nearest] < _FIELD_UT[1]
     whole = bool((mag.values[:2000] == np.rint(mag.values[:2000])).all())
     if nearest in fits and not (whole and nearest in ("gauss", "mT", "T")):
-        return Judgement(_UNITS[nearest], nearest, "physics", len(fits) == 1, text=f"{text}; taken as {nearest}")
+        return Judgement(_UNITS[nearest], nearest, "physics", inside, text=f"{text}; taken as {nearest}")
     if whole and _FIELD_UT[0] < seen.size * _AK_UT < _FIELD_UT[1] and vote.culprit == "mag":
         unit = f"raw counts of {_AK_UT} µT"
         return Judgement(_AK_UT, unit, "physics", True, text=f"{text}; taken as {unit}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 from fbgraph.readers.units import is_unit, plain_text, unit_of
 
@@ -37,13 +37,16 @@ _VOCABULARY = {
     "rotation": "rotation rot turn",
     "rate": "rate rates",
     "angular": "angular winkel angulaire angolare hoek",
-    "velocity": "velocity vel speed velocite velocidad velocita vitesse geschwindigkeit shift snelheid displacement jerk",
+    "velocity": "velocity vel speed velocite velocidad velocita vitesse geschwindigkeit shift snelheid"
+    " displacement jerk",
     "orientation": "roll pitch yaw euler quat quaternion quaternions qw qx qy qz q0 q1 q2 q3 azimuth heading attitude"
     " orientation angle angles ang rv rotvec course bearing tilt inclination ori rpy game lage orientierung direction"
     " 角度 四元数 declination",
-    "time": "time times timestamp timestamps timestampe ts stamp clock epoch unix utc zeit zeitstempel temps tiempo tempo"
+    "time": "time times timestamp timestamps timestampe ts stamp clock epoch epoc unix utc zeit zeitstempel temps"
+    " tiempo tempo"
     " tijd 时间 時間 gpst tow uptime elapsed datetime rtc chiptime hora uhrzeit heure ora 片上时间 timecode",
-    "second": "s sec secs seconds second millis millisecond milliseconds ms msec micros microsecond microseconds us usec"
+    "second": "s sec secs seconds second millis millisecond milliseconds ms msec micros microsecond"
+    " microseconds us usec"
     " nanos nanosecond nanoseconds ns nsec sekunden millisekunden sek since",
     "date": "date datum fecha 日期",
     "interval": "dt delta diff interval duration period deltat timedelta dauer lag latency offset",
@@ -54,20 +57,24 @@ _VOCABULARY = {
     "lat": "lat latitude breitengrad breite latitud latitudine",
     "lon": "lon lng long longitude langengrad laenge lange longitud longitudine",
     "altitude": "alt altitude height hohe hoehe altitud altezza hauteur elevation ele altimeter relativealtitude",
-    "location": "location gps gnss loc position fix satellite satellites sats nmea horizontal vertical hdop pdop vdop"
+    "location": "location gps gnss loc position fix satellite satellites sats nmea horizontal hdop pdop vdop"
     " wifi wlan bluetooth cell",
     "accuracy": "accuracy genauigkeit uncertainty precision",
+    "vertical": "vertical vertikal verticale",
     "derived": "bias drift var variance cov covariance std stddev stdev sigma noise error err confidence status flag"
-    " mean average avg min max fft freq frequency hz khz range sensitivity scale gain median mode light lux proximity prox"
+    " mean average avg min max fft freq frequency hz khz range sensitivity scale gain median mode light lux"
+    " proximity prox"
     " sound battery voltage humidity steps step activity label class segment trial session subject quality"
     " reset intensity strength power energy inertial calibration",
-    "norm": "abs absolute norm magnitude resultant rms modulus sum svm vm length betrag at tgf gforces amplitude absolut"
+    "norm": "abs absolute norm magnitude resultant rms modulus sum svm vm length betrag at tgf gforces"
+    " amplitude absolut"
     " magnitud modul valeur",
     "raw": "raw lsb counts adc unscaled rohdaten roh digit digits",
     "uncal": "uncal uncalibrated uncalib unkalibriert",
     "filtered": "filtered filt smooth smoothed lp hp lowpass highpass lpf hpf kalman gefiltert",
     "truth": "truth gt pos groundtruth vicon mocap pose utm east north easting northing vio tango",
-    "filler": "value values data field imu body measurement logging motion in of the from start value reading component"
+    "filler": "value values data field champ campo realtime imu body measurement"
+    " logging motion in of the from start value reading component"
     " axis rs cal calibrated corrected calib wert richtung achse dir along nach fine coarse android"
     " type get phone world sdk reboot boot local unit und and del de der du log m5 stick ahrs mpu chip",
 }
@@ -76,7 +83,8 @@ _SINGLE = {
     **{"r": "orientation", "q": "orientation", "v": "velocity", "e": "orientation"},
 }
 ROLES = {word: role for role, words in _VOCABULARY.items() for word in words.split()}
-_NEVER_PART = frozenset("as at no id in of ts dt sin con the mit user start long min bar ang rot game body".split())
+_SHORT = "as at no id in of ts dt sin con the mit user start long min bar ang rot game body"  # parts of other words
+_NEVER_PART = frozenset(_SHORT.split())
 _BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 _RAW_WORDS = re.compile(r"[^\W_]+")
 _CAMEL = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\WA-Za-z\d_]+")
@@ -104,7 +112,7 @@ class Words:
     unit: str
 
 
-@cache
+@lru_cache(maxsize=10_000)
 def words_of(name: str) -> Words:
     """The words of a column's or table's name."""
     text = plain_text(name[:200])
@@ -125,6 +133,7 @@ def words_of(name: str) -> Words:
     known, unit = _without_unit(rest)
     roles, letters, digits, strange = [], set(), [], []
     for word in known:
+        word = word.removesuffix("_")
         role = ROLES.get(word) or _SINGLE.get(word, "")
         if word.isdecimal():
             digits.append(word)
@@ -141,7 +150,7 @@ def words_of(name: str) -> Words:
 
 def _without_unit(words: list[str]) -> tuple[list[str], str]:
     """The words before those at the end that are a unit (``m s2``), and that unit."""
-    for size in (3, 2, 1):
+    for size in (3, 2, 1) if not words[-1:] or not words[-1].endswith("_") else ():
         unit = "".join(words[-size:])
         single = len(unit) == 1 and unit not in "gsmc"
         if len(words) > size and not unit.isdecimal() and not single and _names_unit(unit):
@@ -162,7 +171,7 @@ def _parts(word: str, among: int) -> list[str]:
     if lower[:-1] == "gf" and lower[-1] in AXES:
         return ["gf", lower[-1]]
     if lower in ROLES or lower in AXES or lower.isdecimal() or is_unit(lower):
-        return [lower] if not _LETTER_AXIS.fullmatch(lower) or lower in ("ms2",) else list(lower)
+        return _pair(lower) if _LETTER_AXIS.fullmatch(lower) else [lower]
     camel = [part.lower() for part in _CAMEL.findall(word)]
     if len(camel) > 1 and all(_known(part) for part in camel):
         return [small for part in camel for small in _letter_axis(part, len(camel))]
@@ -174,6 +183,11 @@ def _parts(word: str, among: int) -> list[str]:
 
 
 _LETTER_AXIS = re.compile(r"[agwmbhpqvrf][xyz]")
+
+
+def _pair(word: str) -> list[str]:
+    """The letter of a sensor, marked so that it is taken for no unit, and its axis."""
+    return [f"{word[0]}_", word[1]]
 
 
 def _letter_axis(word: str, among: int) -> list[str]:
@@ -189,15 +203,15 @@ def _known(part: str) -> bool:
     return part in ROLES or part in _SINGLE or part in AXES or part.isdecimal() or is_unit(part) or bool(_cut(part))
 
 
-@cache
+@lru_cache(maxsize=10_000)
 def _cut(word: str) -> list[str]:
     """A word without blanks or capitals, cut into known ones: as few as possible; nothing if it cannot be."""
     if not word or len(word) > _MOST_WORD:
         return []
     if _LETTER_AXIS.fullmatch(word):
-        return list(word)
+        return _pair(word)
     if match := re.fullmatch(r"([agwmbh])([xyz])_?(\d+)", word):
-        return list(match.groups())
+        return [*_pair(match[1] + match[2]), match[3]]
     if word == "ac":
         return ["acc"]
     best: dict[int, list[str]] = {0: []}

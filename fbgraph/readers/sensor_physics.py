@@ -107,7 +107,8 @@ def judge_gyroscope_unit(turning: Turning, acc: Stream, gyro: Stream, named_scal
     norm = np.linalg.norm(acc.values, axis=1)
     moving = len(norm) > 1 and float(norm.std()) > _MOVING_M_S2
     least = _SLOWEST_RAD_S if moving else 0.0
-    units = _gyro_units(_whole(gyro.values) and fast > 30.0)
+    whole = _whole(gyro.values) and fast > 30.0
+    units = _gyro_units(whole)
     possible = {unit: scale for unit, scale in units.items() if least <= fast * scale <= _FASTEST_RAD_S}
     seen = f"a tenth of the gyroscope's turns are faster than {fast:.3g}"
     named = _gyro_unit(named_scale) if named_scale is not None else ""
@@ -123,15 +124,14 @@ def judge_gyroscope_unit(turning: Turning, acc: Stream, gyro: Stream, named_scal
     if named_scale is not None and best == named:
         return Judgement(named_scale, named, "name", True, margin)
     if named_scale is not None:
-        text = f"{seen}, and gravity turns otherwise, than {named}, as it is named, would mean: taken as {best}"
+        text = f"{seen}, which does not go with {named}, as it is named: taken as {best}"
         return Judgement(possible[best], best, "physics", True, margin, text)
     text = f"the gyroscope's unit is not named: {seen}"
     if best and margin >= _SURE_SIGMAS and (moving or np.isfinite(margin)):
-        return Judgement(
-            possible[best], best, "physics", True, margin, f"{text}, and gravity turns so: taken as {best}"
-        )
-    usual = ("rad/s", "°/s") if moving else ("°/s", "rad/s")
-    best = next((unit for unit in usual if unit in possible), best or "°/s")
+        return Judgement(possible[best], best, "physics", True, margin, f"{text}; taken as {best}")
+    if not (whole and best):  # of counts that which fits best, sure or not
+        usual = ("rad/s", "°/s") if moving else ("°/s", "rad/s")
+        best = next((unit for unit in usual if unit in possible), best or "°/s")
     return Judgement(units[best], best, "assumed", False, margin, f"{text}; {best} assumed")
 
 

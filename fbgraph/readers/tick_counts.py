@@ -84,6 +84,11 @@ def step_of(ticks: FloatArray | IntArray) -> float:
     return usual / rows if rows >= _COARSE_ROWS else usual
 
 
+def distinct(values: NDArray[Any]) -> int:
+    """How many different numbers there are; by sorting, as numpy's table of whole numbers is ten times as slow."""
+    return 1 + int(np.count_nonzero(np.diff(np.sort(values)))) if len(values) else 0
+
+
 def progress(ticks: FloatArray | IntArray) -> bool:
     """Whether ticks grow: nearly always, or from end to end with rows out of order."""
     steps = np.diff(ticks)
@@ -105,7 +110,7 @@ def damage(values: NDArray[Any]) -> str:
     digits = np.floor(np.log10(np.maximum(ticks, 1.0)))
     lost = 10.0 ** np.maximum(digits - (_FEW_DIGITS - 1), 0)
     short = np.abs(np.round(ticks / lost) * lost - ticks) < 1e-12 * ticks
-    if short.mean() < 0.99 or len(np.unique(ticks)) > len(ticks) / 5:
+    if short.mean() < 0.99 or distinct(ticks) > len(ticks) / 5:
         return ""
     return (
         f"lost its last digits (it begins {values[0]:.6g}, as a spreadsheet shows large numbers): export the log again "
@@ -132,4 +137,5 @@ def spread(t_ns: IntArray) -> IntArray:
     rows[[0, -1]] = np.maximum(counts[[0, -1]], usual_rows)
     before[0] = rows[0] - counts[0]
     place = np.arange(len(t_ns)) - np.repeat(starts, counts) + np.repeat(before, counts)
-    return t_ns + (np.repeat(lengths, counts) * place) // np.repeat(rows, counts)
+    within: IntArray = (np.repeat(lengths, counts) * place) // np.repeat(rows, counts)
+    return t_ns + within

@@ -21,7 +21,8 @@ UNREAD = np.iinfo(np.int64).min
 DAY_NS = 86_400_000_000_000
 HOUR_NS = 3_600_000_000_000
 
-_MONTHS = {name: i + 1 for i, name in enumerate("jan feb mar apr may jun jul aug sep oct nov dec".split())}
+_ENGLISH = "jan feb mar apr may jun jul aug sep oct nov dec"
+_MONTHS = {name: i + 1 for i, name in enumerate(_ENGLISH.split())}
 _MONTHS |= {"mai": 5, "okt": 10, "dez": 12, "mär": 3, "mrz": 3, "ene": 1, "abr": 4, "ago": 8, "dic": 12, "mag": 5}
 _DATE = r"""(?:
     (?P<year>(?:19|20)\d\d)(?P<dash>[-/._]?)(?P<month>\d\d?)(?P=dash)(?P<day>\d\d?)

@@ -8,7 +8,8 @@ import numpy as np
 
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.readers.choosing import TRUTH, Chosen
-from fbgraph.readers.clocks import clock_ns, find_clock
+from fbgraph.readers.clock_times import clock_ns
+from fbgraph.readers.clocks import find_clock
 from fbgraph.readers.column_names import guess_columns
 from fbgraph.readers.decide import values_of
 from fbgraph.tables.table import Table

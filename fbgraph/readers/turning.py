@@ -25,7 +25,7 @@ FIELD_WINDOW_S = 0.8  # nothing pushes a field; in a longer one somebody walks p
 _OVERLAP = 3  # windows that see one sample
 _DT_S = 0.04
 _LONGEST_GAP_S = 0.3
-_MOST_S = 720.0  # of windows, overlaps counted
+_MOST_S = 480.0  # of windows, overlaps counted
 _ROUNDS = 4  # of reweighting
 _LEAST_SPREAD = 1e-3  # of residuals against the vector's size in a second
 

@@ -74,7 +74,8 @@ _SPELLINGS = {
     "altitude": {"m": "m meter meters metre metres", "ft": "ft feet foot"},
     "time": {
         "s": "s sec secs second seconds sek sekunde sekunden seg segundos secondes secondi",
-        "ms": "ms msec msecs millis millisec millisecs millisecond milliseconds millisekunden milisegundos millisecondes",
+        "ms": "ms msec msecs millis millisec millisecs millisecond milliseconds millisekunden"
+        " milisegundos millisecondes",
         "us": "us usec usecs micros microsec microsecs microsecond microseconds mikrosekunden microsegundos",
         "ns": "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden",
         "min": "min mins minute minutes minuten",
@@ -93,7 +94,7 @@ _OTHER = (
     " az azimuth° a.u. au w/m2 rpm cd j kg"
 )
 _NO_UNITS = frozenset(re.sub(r"[^a-z0-9%]", "", word) for word in _OTHER.split()) | {""}
-_GREEK = str.maketrans({"μ": "u", "ʯ": "u", "ω": "w", "º": "°", "˚": "°", "′": "'"})  # noqa: RUF001
+_GREEK = str.maketrans({"μ": "u", "ʯ": "u", "ω": "w", "º": "°", "˚": "°", "′": "'"})
 
 
 def plain_text(text: str) -> str:
@@ -107,7 +108,7 @@ def plain_text(text: str) -> str:
         text = text.replace(damaged, whole)
     text = unicodedata.normalize("NFKD", unicodedata.normalize("NFKC", text).translate(_GREEK))
     text = "".join(c for c in text if not unicodedata.combining(c))
-    return text.translate(_GREEK).replace("°", "deg").replace("−", "-").replace("ß", "ss")  # noqa: RUF001
+    return text.translate(_GREEK).replace("°", "deg").replace("−", "-").replace("ß", "ss")
 
 
 def unit_of(text: str, quantity: str) -> str:
@@ -136,4 +137,4 @@ def shown(unit: str) -> str:
 
 def _squashed(text: str) -> str:
     plain = plain_text(text).lower().replace("**", "")
-    return re.sub(r"[^a-z0-9%?]", "", plain)
+    return re.sub(r"[^\w%?]|_", "", plain)

@@ -18,7 +18,8 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.sensor_log import SensorLog, Stream
 from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, assemble, drop_repeats
-from fbgraph.readers.clocks import Clock, clock_ns, find_clock
+from fbgraph.readers.clock_times import Clock, clock_ns
+from fbgraph.readers.clocks import find_clock
 from fbgraph.readers.column_names import Guess
 from fbgraph.readers.judge_sensors import judge_sensors
 from fbgraph.readers.units import UNITS, plain_text, unit_of

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fbgraph.core.errors import DataError
+from fbgraph.tables.json_tables import is_json, json_tables
+from fbgraph.tables.long_tables import by_sensor
 from fbgraph.tables.members import Member, members
+from fbgraph.tables.scaled_tables import acclog_table, with_gyroflow_scales
 from fbgraph.tables.table import Table
 from fbgraph.tables.text_table import read_table
 
@@ -60,8 +63,12 @@ def tables_of(member: Member) -> tuple[Table, ...]:
     Raises:
         DataError: more rows or columns than any walk has.
     """
+    if member.data:
+        return (acclog_table(member.data, member.name, member.source),)
+    if is_json(member.text) and (found := json_tables(member.text, member.name, member.source)):
+        return found
     table = read_table(member.text, member.name, member.source)
-    return (table,) if table is not None and len(table) else ()
+    return by_sensor(with_gyroflow_scales(table)) if table is not None and len(table) else ()
 
 
 def nothing_in(path: Path, left_out: list[tuple[str, str]]) -> str:

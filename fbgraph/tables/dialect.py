@@ -24,6 +24,7 @@ LATEST_HEADER = 1100
 SAMPLE_CHARS = 1 << 18
 MONITOR_COLUMN = "serial monitor time"
 """The name of the column that a serial monitor's time before each line becomes."""
+_USUAL = 0.25  # of the rows, that have a number of fields: what stands in a head is rarer
 _JUDGED = 60  # rows from which separator and kinds are told
 _SEPARATORS = {",": 1.0, ";": 1.0, "\t": 1.0, "|": 0.3, " ": 0.6}
 _NAMES = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
@@ -265,13 +266,16 @@ def _is_data(row: list[str], decimal: str) -> bool:
 def _width(data: list[list[str]]) -> tuple[int, set[int]]:
     """Columns of rows of data, and how many fields rows of it usually have."""
     full = Counter(len(row) - (len(row) > 2 and all(other[-1] == "" for other in data)) for row in data)
-    usual = {width for width, count in full.items() if count >= 0.1 * len(data)}
-    return max(usual, default=0), usual | {width + 1 for width in usual}
+    usual = {width for width, count in full.items() if count >= _USUAL * len(data)}
+    return max(usual, default=max(full, default=0)), usual | {width + 1 for width in usual}
 
 
 def _first_row(fields: list[list[str]], lines: Sequence[str], decimal: str, usual: set[int]) -> int:
     """Where the rows begin; behind all of them if none is one of data."""
+    above: list[str] = []
     for i, row in enumerate(fields):
-        if len(row) in usual and _is_data(row, decimal) and not _COMMENT.match(lines[i]):
+        named = len(row) == len(above) >= 3 and not _is_data(above, decimal)
+        if (len(row) in usual or named) and _is_data(row, decimal) and not _COMMENT.match(lines[i]):
             return i
+        above = row if any(row) else above
     return next((i + 1 for i, row in enumerate(fields) if len(row) in usual and not _COMMENT.match(lines[i])), 0)

@@ -130,9 +130,10 @@ FIELDS += ["99999999999999999999", "1" * 400, "-", "N/A", "null", "None", "5f", 
 
 @pytest.mark.parametrize("decimal", [".", ","])
 def test_a_field_is_the_same_number_in_a_file_and_in_a_line(tmp_path: Path, decimal: str) -> None:
-    fields = [field.replace(".", decimal) for field in FIELDS]
+    fields = [*(field.replace(".", decimal) for field in FIELDS), "1.5", "1,5"]
     rows = [
-        f"{i};{field};{i / 4}".replace(".", decimal) for i, field in enumerate([*["2", f"0{decimal}5"] * 90, *fields])
+        f"{i};{field};" + f"{i / 4}".replace(".", decimal)
+        for i, field in enumerate([*["2", f"0{decimal}5"] * 90, *fields])
     ]
     table = table_of(tmp_path, "n;v;w\n" + "\n".join(rows) + "\n")
     dialect = find_dialect(["n;v;w", *rows])
