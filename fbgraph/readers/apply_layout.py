@@ -234,7 +234,9 @@ def _texts(table: Table, column: int) -> list[tuple[int, str]]:
     """Rows of a column that hold something, as text."""
     values = table.columns[column].values
     filled = np.flatnonzero([value is not None for value in values] if values.dtype == object else np.isfinite(values))
-    texts = ((row, str(values[row]).strip() if values.dtype == object else f"{values[row]:g}") for row in filled.tolist())
+    texts = (
+        (row, str(values[row]).strip() if values.dtype == object else f"{values[row]:g}") for row in filled.tolist()
+    )
     return [(row, text) for row, text in texts if text]
 
 

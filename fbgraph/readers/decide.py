@@ -13,16 +13,15 @@ import numpy as np
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.sensor_log import Stream
-from fbgraph.readers.cleaning import MAX_T_NS
 from fbgraph.readers.choosing import Chosen, Pick, choose
+from fbgraph.readers.cleaning import MAX_T_NS
 from fbgraph.readers.clock_times import Clock, clock_ns
 from fbgraph.readers.clocks import find_clock
 from fbgraph.readers.column_names import Guess, guess_columns
 from fbgraph.readers.formats import format_of
 from fbgraph.readers.judge_sensors import Judged, judge_sensors
 from fbgraph.readers.judgement import Judgement
-from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout
-from fbgraph.readers.sensor_axes import told_axes
+from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout, axes_of
 from fbgraph.readers.units import UNITS, shown
 from fbgraph.tables.table import Table
 
@@ -200,41 +199,42 @@ def _layout(
     """What was decided, as a layout."""
     picks, judgements = chosen.picks, vars(judged)
     many = len(tables) > 1
-    streams: dict[str, StreamLayout | None] = {}
+    streams: dict[str, StreamLayout] = {}
     for name in SENSORS:
         judgement: Judgement | None = judgements[name]
         source = "linear_acc" if name == "acc" and "acc" not in picks else name
         if judgement is None or source not in picks or not np.isfinite(judgement.scale):
-            streams[name] = None
             continue
         streams[name] = _stream(tables, picks[source], judgement, many)
         if source == "linear_acc":
             gravity = _stream(tables, picks["gravity"], None, many)
             scale = UNITS["linear_acc"].get(picks[source].unit, 1.0) * judgement.scale
-            streams[name] = streams[name].model_copy(update={"gravity": gravity, "scale": scale})  # type: ignore[union-attr]
+            streams[name] = streams[name].model_copy(update={"gravity": gravity, "scale": scale})
     event = picks.get("event")
     about = format_of(chosen.apps, tables)
     return Layout(
         app=about.name,
         preset=about.preset,
         row_widths=tuple(sorted(set().union(*widths.values()))),
-        event=None if event is None else (_table(tables, event.table, many), _column(tables[event.table], event.columns[0])),
+        event=None if event is None else (_table(tables, event.table, many), _columns(tables, event)[0]),
+        acc=streams["acc"],
+        gyro=streams["gyro"],
+        mag=streams.get("mag"),
+        pressure=streams.get("pressure"),
         clocks=tuple(_clock(tables, i, clock, many) for i, clock in clocks.items()),
-        **streams,
     )
 
 
 def _stream(tables: Sequence[Table], pick: Pick, judgement: Judgement | None, many: bool) -> StreamLayout:
-    table = tables[pick.table]
     single = len(pick.columns) == 1
     axes = np.eye(3) if judgement is None or single else judgement.axes
     signed = axes if single else axes @ np.diag(pick.signs)
     return StreamLayout(
         table=_table(tables, pick.table, many),
-        columns=tuple(_column(table, i) for i in pick.columns),
+        columns=_columns(tables, pick),
         unit=shown(pick.unit) if judgement is None else judgement.unit,
         scale=UNITS[pick.quantity].get(pick.unit, 1.0) if judgement is None else judgement.scale,
-        axes=tuple(told_axes(signed).split(", ")),
+        axes=axes_of(signed),
     )
 
 
@@ -250,6 +250,10 @@ def _clock(tables: Sequence[Table], i: int, clock: Clock, many: bool) -> ClockLa
 
 def _table(tables: Sequence[Table], i: int, many: bool) -> str:
     return tables[i].name if many else ANY
+
+
+def _columns(tables: Sequence[Table], pick: Pick) -> tuple[str, ...]:
+    return tuple(_column(tables[pick.table], i) for i in pick.columns)
 
 
 def _column(table: Table, i: int) -> str:

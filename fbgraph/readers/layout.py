@@ -115,6 +115,17 @@ class Layout(Section):
         return {name: stream for name, stream in named.items() if stream is not None}
 
 
+def axes_of(rotation: FloatArray) -> tuple[Axis, Axis, Axis]:
+    """Axes whose ``StreamLayout.rotation`` is this signed permutation (3, 3)."""
+    names: dict[tuple[int, int], Axis] = {(i, s): a for s, some in ((1, _UP), (-1, _DOWN)) for i, a in enumerate(some)}
+    x, y, z = (names[int(np.abs(row).argmax()), -1 if row.sum() < 0 else 1] for row in rotation)
+    return x, y, z
+
+
+_UP: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+_DOWN: tuple[Axis, Axis, Axis] = ("-x", "-y", "-z")
+
+
 def read_layout(path: Path) -> Layout:
     """Read a layout file.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
+from fbgraph.core.geometry import FloatArray
 from fbgraph.readers.choosing import TRUTH, Chosen
 from fbgraph.readers.clock_times import clock_ns
 from fbgraph.readers.clocks import find_clock
@@ -38,4 +39,5 @@ def truth_of(tables: Sequence[Table], chosen: Chosen, source: object) -> Checkpo
     if len(rows) < 2:
         return None
     z_m = places[rows, 2] if len(picks) > 2 else None
-    return checkpoints(t_ns[rows] * 1e-9, places[rows, 0], places[rows, 1], z_m=z_m, source=f"{source} (its own truth)")
+    t_s: FloatArray = t_ns[rows] / 1e9
+    return checkpoints(t_s, places[rows, 0], places[rows, 1], z_m=z_m, source=f"{source} (its own truth)")

@@ -331,7 +331,8 @@ def _stream(t_ns: IntArray, values: FloatArray) -> Stream:
     """What a sensor says, in order of time."""
     good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS)
     t, first = np.unique(t_ns[good], return_index=True)
-    return Stream((t - t[:1]) * 1e-9, values[good][first])
+    t_s: FloatArray = (t - t[:1]) / 1e9
+    return Stream(t_s, values[good][first])
 
 
 def _radians(angle: FloatArray, unit: str) -> FloatArray:
