@@ -60,7 +60,7 @@ class RawLog:
 
 @dataclass(frozen=True)
 class LogFile:
-    """A log, the truth that it also carried (only scoring may look at it), and how its tables were read, if it is some."""
+    """A log, the truth that it also carried (only scoring may look at it), and how its tables were read."""
 
     log: SensorLog
     truth: Checkpoints | None
