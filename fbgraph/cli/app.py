@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from fbgraph import __version__
-from fbgraph.cli.printing import close_stdout, complain, say
+from fbgraph.cli.printing import close_stdout, complain, output_lost, say
 from fbgraph.core.errors import ConfigError, FbgraphError
 from fbgraph.core.safe_text import for_terminal
 
@@ -130,6 +130,8 @@ def main() -> None:
         with contextlib.suppress(OSError):
             sys.stdout.flush()
         os._exit(int(end.code or 0))
+    except SystemExit as end:
+        sys.exit(end.code or int(output_lost()))
     except FbgraphError as error:
         _fail(str(error), error.exit_code)
     except BrokenPipeError:
