@@ -55,7 +55,7 @@ def _write(data: bytes) -> None:
     except OSError as error:  # a full disk behind a redirection: the work goes on, the exit code tells
         close_stdout()
         _lost.append(error)
-        complain(f"standard output cannot be written ({error.strerror}); files that the command writes are not affected")
+        complain(f"standard output cannot be written ({error.strerror}); files are written all the same")
 
 
 def output_lost() -> bool:
