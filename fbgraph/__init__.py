@@ -61,6 +61,7 @@ ROOMS = (
     "estimators",
     "integrity",
     "run",
+    "exports",
     "recording",
     "study",
     "pipeline",

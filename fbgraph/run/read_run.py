@@ -18,7 +18,6 @@ import numpy as np
 
 from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.config import Config, load_config
-from fbgraph.core.earth_field import EarthField, earth_field, walk_day
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.georeference import Georeference
@@ -171,23 +170,14 @@ def read_georeference(summary: dict[str, Any]) -> Georeference | None:
     return None if entry is None else Georeference(float(entry["lat_deg"]), float(entry["lon_deg"]))
 
 
-def unturned_field(run: SavedRun, estimator: str, where: Georeference | None) -> EarthField | None:
-    """The field by whose declination a trajectory must yet be turned to lie by true North; None where it does.
+def in_anchors_frame(run: SavedRun, estimator: str) -> bool:
+    """Whether a trajectory lies in the frame of the run's anchors, not in that of its compass."""
+    return estimator == "smoothed" and int(run.summary.get("anchors", 0)) > 1
 
-    That of a walk which was smoothed without a place, and so towards magnetic North, but can be placed now.
 
-    Args:
-        run, estimator: whose.
-        where: the run is, None if nobody knows.
-
-    Raises:
-        DataError: a damaged configuration.
-    """
-    in_their_frame = estimator == "smoothed" and run.summary.get("anchors", 0) > 1
-    if where is None or in_their_frame or run.read_config().device.declination_deg is not None:
-        return None
-    log = (run.summary.get("inputs") or {}).get("log")
-    return earth_field(where, walk_day(float(run.summary["log"]["t0_s"]), None if log is None else Path(log)))
+def knows_north(run: SavedRun, estimator: str) -> bool:
+    """Whether it is known where North is: by a compass, or by anchors."""
+    return in_anchors_frame(run, estimator) or run.summary["log"].get("samples", {}).get("mag", 1) > 0
 
 
 def read_directions(
@@ -205,10 +195,10 @@ def read_directions(
         DataError: a damaged configuration, or nothing in the run that leads anywhere.
     """
     summary, trajectory = run.summary, trajectory_of(run, estimator).turned(turned_rad)
-    anchored = estimator == "smoothed" and summary.get("anchors", 0) > 1  # in the anchors' own frame
-    compass = anchored or summary["log"].get("samples", {}).get("mag", 1) > 0
     name = f"{summary['log']['name']} ({estimator})"
-    way = directions_of(trajectory, read_events(summary), pace_m, run.read_config().graph, name, compass)
+    way = directions_of(
+        trajectory, read_events(summary), pace_m, run.read_config().graph, name, knows_north(run, estimator)
+    )
     return replace(way, integrity=Integrity.from_dict(summary.get("integrity")))
 
 
