@@ -222,7 +222,7 @@ class IsamWindow:
         self._rebuild(join, result)
 
     def _rebuild(self, first: int, values: gtsam.Values) -> None:
-        """A new tree of the breadcrumbs from ``first`` on, given the window's; what lies before is taken out of them."""
+        """A new tree of the breadcrumbs from ``first`` on; ``values`` are the window's, and lose what lies before."""
         graph = gtsam.NonlinearFactorGraph()
         for part in self._graphs:
             graph.push_back(part)
@@ -241,8 +241,12 @@ class IsamWindow:
             values.insert(I(j), self._compass.iron_ut[j] / UNIT_UT)
         self.first = first
         self._isam = self._new_isam()
-        with _solving(f"step {len(self.nodes) - 1}"):
-            self._isam.update(graph, values)
+        # the next breadcrumb is tied to the last one: far from the root, the whole tree would be made once more
+        last, at_root = len(self.nodes) - 1, gtsam.KeyGroupMap()
+        for key in (X(last), Z(last), B(last), D(last), *map(I, self._compass.states(last))):
+            at_root.insert2(key, 1)
+        with _solving(f"step {last}"):
+            self._isam.update(graph, values, constrainedKeys=at_root)
 
     def _eliminated(
         self, graphs: Sequence[gtsam.NonlinearFactorGraph], join: int, result: gtsam.Values
