@@ -181,7 +181,7 @@ class ClimbGauge:
         t = np.arange(count) - (count - 1) / 2.0
         around = windows - windows.mean(axis=1)[:, None]
         scatter = np.sqrt(((around - np.outer(around @ t / (t @ t), t)) ** 2).mean(axis=1))
-        middle = np.sort(scatter)[[(len(scatter) - 1) // 2, len(scatter) // 2]]  # (np.median takes longer than all this)
+        middle = np.sort(scatter)[[(len(scatter) - 1) // 2, len(scatter) // 2]]  # (np.median is slow)
         return float(max(middle.mean(), scatter[-1]))
 
     def _gusts(self, index: int) -> bool:
