@@ -9,7 +9,7 @@ import numpy as np
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.whole_writes import whole_file
-from fbgraph.pipeline import read_told, reconstruct
+from fbgraph.pipeline import read_told, reconstruct, with_places
 from fbgraph.run.folder import RAW
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.log_again import read_log_again
@@ -39,11 +39,11 @@ def repeat_run(run: Path, log_path: Path | None = None) -> WalkResult:
     if inputs.log == RAW:
         chunk_s = chunk_s or _LIVE_CHUNK_S
     file = read_log_again(saved, log_path)
-    told = replace(told, truth=told.truth or file.truth)
+    log, told = with_places(file, told, inputs if log_path is None else replace(inputs, log=str(log_path)))
     if chunk_s is None:
-        result = reconstruct(file.log, config, told, inputs)
+        result = reconstruct(log, config, told, inputs)
     else:
-        result = replace(replay_log(file.log, config, told, chunk_s=chunk_s), inputs=inputs)
+        result = replace(replay_log(log, config, told, chunk_s=chunk_s), inputs=inputs)
     _require_same(saved, result)
     return result
 

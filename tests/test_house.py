@@ -67,7 +67,8 @@ def test_heavy_libraries_stay_in_their_rooms(module: str) -> None:
     assert "rerun" not in used or room(module) == "recording" or module == "fbgraph.study.study_recording"
     assert not {"mcap", "mcap_protobuf", "foxglove_schemas_protobuf"} & used or room(module) == "exports"
     assert "pyarrow" not in used or room(module) in ("exports", "recording")
-    assert "gpxpy" not in used or room(module) == "exports" or module == "fbgraph.way_back.gpx_geojson"
+    gpx = ("fbgraph.readers.places", "fbgraph.way_back.gpx_geojson")
+    assert "gpxpy" not in used or room(module) == "exports" or module in gpx
     assert "matplotlib" not in used or module == "fbgraph.study.figures"
     assert "typer" not in used or room(module) == "cli"
 

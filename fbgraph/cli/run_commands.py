@@ -74,16 +74,20 @@ def record(
 def evaluate(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
     truth: Annotated[
-        Path, typer.Option("--truth", metavar="CSV", help="Known places: t_s,x_m,y_m[,z_m][,floor][,sigma_m].")
+        Path,
+        typer.Option("--truth", metavar="FILE", help="Known places, in any form that `fbgraph smooth --truth` takes."),
     ],
     as_json: JsonOption = False,
 ) -> None:
     """Score a run folder against known places."""
-    from fbgraph.core.checkpoints import read_checkpoints
-    from fbgraph.run.read_run import read_run, score_run
+    from fbgraph.readers.places import read_checkpoints
+    from fbgraph.run.read_run import on_its_clock, read_run, score_run
 
     saved = read_run(run)
-    scores = score_run(saved, read_checkpoints(truth))
+    known = on_its_clock(saved, read_checkpoints(truth))
+    for notice in known.notices:
+        complain(notice)
+    scores = score_run(saved, known)
     if as_json:
         say_json(scores)
     else:

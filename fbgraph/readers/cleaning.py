@@ -45,21 +45,32 @@ class RawStream:
 
 @dataclass
 class RawLog:
-    """What a reader found, before cleaning. ``truth`` is on the event clock, in seconds."""
+    """What a reader found, before cleaning.
+
+    ``truth`` is on the event clock, in seconds; ``gnss`` are the log's own fixes, as ``readers.places`` gives them.
+    """
 
     streams: dict[str, RawStream] = field(default_factory=dict)
     events: list[tuple[int, str]] = field(default_factory=list)
     truth: Checkpoints | None = None
+    gnss: Checkpoints | None = None
     notices: list[str] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class LogFile:
-    """A log, and the truth that its file also carried. Only scoring may look at the truth."""
+    """A log, and what else its file carried.
+
+    Attributes:
+        log: the walk.
+        truth: surveyed places; only scoring may look at them.
+        gnss: what a receiver found meanwhile, as ``readers.places`` gives it; anchors if the user wants, else truth.
+    """
 
     log: SensorLog
     truth: Checkpoints | None
+    gnss: Checkpoints | None = None
 
 
 def log_name(path: Path) -> str:
@@ -130,7 +141,7 @@ def assemble(raw: RawLog, path: Path, format_name: str) -> LogFile:
         counts=counts,
         **streams,
     )
-    return LogFile(log, raw.truth)
+    return LogFile(log, raw.truth, raw.gnss)
 
 
 def _count(counts: dict[str, int], reason: str, number: int) -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
-from fbgraph.core.checkpoints import Checkpoints, read_checkpoints
+from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.readers import read_log
 from fbgraph.readers.cleaning import LogFile
+from fbgraph.readers.places import gnss_of, read_checkpoints
 from fbgraph.readers.raw_recorder import saved_log
 from fbgraph.run.folder import RAW
 from fbgraph.run.inputs import RunInputs
-from fbgraph.run.read_run import SavedRun
+from fbgraph.run.read_run import SavedRun, on_its_clock
 
 
 def read_log_again(run: SavedRun, log_path: Path | None = None) -> LogFile:
@@ -34,7 +36,7 @@ def read_log_again(run: SavedRun, log_path: Path | None = None) -> LogFile:
             where = f"--log {path}: no such file" if log_path else f"its log {path} is not there any more"
             raise DataError(f"{run.folder}: {where}; say where it is now with --log")
         file = read_log(path, inputs.format, inputs.max_size)
-    return file if inputs.until_s is None else LogFile(file.log.between(-math.inf, inputs.until_s), file.truth)
+    return file if inputs.until_s is None else replace(file, log=file.log.between(-math.inf, inputs.until_s))
 
 
 def read_truth_again(run: SavedRun, log_path: Path | None = None) -> Checkpoints:
@@ -47,7 +49,15 @@ def read_truth_again(run: SavedRun, log_path: Path | None = None) -> Checkpoints
         DataError: there was none, or it cannot be read any more.
     """
     inputs = RunInputs.from_summary(run.summary, run.folder)
-    truth = read_log_again(run, log_path).truth if inputs.truth is None else read_checkpoints(inputs.truth)
+    if inputs.truth is None:
+        file = read_log_again(run, log_path)
+        truth = file.gnss if file.truth is None else file.truth
+    else:
+        truth = read_checkpoints(inputs.truth)
     if truth is None or run.summary.get("truth") is None:
         raise DataError(f"{run.folder}: this run was given no truth; `fbgraph smooth LOG --truth FILE` takes it")
-    return truth.in_frame_of(None if inputs.anchors is None else read_checkpoints(inputs.anchors))
+    anchors = None if inputs.anchors is None else read_checkpoints(inputs.anchors)
+    if inputs.use_gnss != "none":
+        anchors = read_log_again(run, log_path).gnss or gnss_of(log_path or Path(str(inputs.log)))
+    anchors = None if anchors is None else on_its_clock(run, anchors)
+    return on_its_clock(run, truth).in_frame_of(anchors)

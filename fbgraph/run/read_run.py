@@ -21,6 +21,7 @@ from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.georeference import Georeference
+from fbgraph.core.place_clocks import LogClock, on_logs_clock
 from fbgraph.core.tables import read_numbers, read_text
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.tum_files import read_tum
@@ -239,6 +240,20 @@ def _finite(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def on_its_clock(run: SavedRun, places: Checkpoints) -> Checkpoints:
+    """Places that a file told, on the clock of the run's log.
+
+    Raises:
+        DataError: they are of another walk, or on another clock.
+    """
+    log = run.summary["log"]
+    rates_hz = log.get("rates_hz")
+    rate_hz = rates_hz.get("acc") if isinstance(rates_hz, dict) else None
+    start_s = float(log["t0_s"])
+    rows_hz = float(rate_hz) if isinstance(rate_hz, int | float) else math.nan
+    return on_logs_clock(places, LogClock(start_s, start_s + float(log["duration_s"]), rows_hz))
+
+
 def score_run(run: SavedRun, truth: Checkpoints) -> dict[str, Any]:
     """Score every trajectory of a run; by estimator, as in ``summary.json``.
 
@@ -247,6 +262,7 @@ def score_run(run: SavedRun, truth: Checkpoints) -> dict[str, Any]:
     """
     scores, log = {}, run.summary["log"]
     log_s = (float(log["t0_s"]), float(log["t0_s"]) + float(log["duration_s"]))
+    truth = on_its_clock(run, truth)
     for name, trajectory in run.trajectories.items():
         label, alignment = score_label(name, bool(run.summary.get("anchors")), bool(run.summary.get("closed_walk")))
         scores[name] = score_entry(trajectory, truth, 0.0, label, alignment, log_s)
