@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from fbgraph.api import simulate as simulate
     from fbgraph.api import smooth as smooth
     from fbgraph.core.checkpoints import Checkpoints as Checkpoints
-    from fbgraph.core.checkpoints import read_checkpoints as read_checkpoints
     from fbgraph.core.config import Config as Config
     from fbgraph.core.config import load_config as load_config
     from fbgraph.core.errors import ConfigError as ConfigError
@@ -49,12 +48,15 @@ if TYPE_CHECKING:
     from fbgraph.core.sensor_log import SensorLog as SensorLog
     from fbgraph.core.trajectory import Trajectory as Trajectory
     from fbgraph.readers import read_log as read_log
+    from fbgraph.readers.places import read_checkpoints as read_checkpoints
 
 __version__ = "0.1.0"
 
 ROOMS = (
     "core",
     "tables",
+    "columns",
+    "physics",
     "readers",
     "simulator",
     "front_end",
@@ -62,6 +64,7 @@ ROOMS = (
     "estimators",
     "integrity",
     "run",
+    "exports",
     "recording",
     "study",
     "pipeline",
@@ -74,11 +77,12 @@ ROOMS = (
 
 _WHERE = {
     **dict.fromkeys(("OnlineSmoother", "Walk", "load_run", "log_from_dataframe", "simulate", "smooth"), "api"),
-    **dict.fromkeys(("Checkpoints", "read_checkpoints"), "core.checkpoints"),
+    "Checkpoints": "core.checkpoints",
     **dict.fromkeys(("Config", "load_config"), "core.config"),
     **dict.fromkeys(("ConfigError", "DataError", "EstimationError", "FbgraphError"), "core.errors"),
     "SensorLog": "core.sensor_log",
     "Trajectory": "core.trajectory",
+    "read_checkpoints": "readers.places",
     "read_log": "readers",
 }
 """Names are imported when first asked for: ``fbgraph --help`` needs none of them."""

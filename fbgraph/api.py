@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,22 +13,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fbgraph.core.aids import Told
-from fbgraph.core.checkpoints import Checkpoints, read_checkpoints
+from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.colors import COLORS, LABELS
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.earth_field import with_declination
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.georeference import Georeference
+from fbgraph.core.place_clocks import LogClock, on_logs_clock
 from fbgraph.core.safe_text import short_name
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Integrity
 from fbgraph.estimators.estimates import Update
-from fbgraph.pipeline import reconstruct, write_run
+from fbgraph.pipeline import reconstruct, with_places, write_run
 from fbgraph.readers import preset, read_log
 from fbgraph.readers.cleaning import LogFile
 from fbgraph.readers.dataframe import dataframe_lines, read_dataframe
 from fbgraph.readers.live_lines import LiveReader
+from fbgraph.readers.places import read_checkpoints
 from fbgraph.run.finding import Finding
 from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
@@ -134,6 +137,7 @@ def smooth(
     format_name: str | None = None,
     max_size: int | None = None,
     force: bool = False,
+    use_gnss: str = "none",
 ) -> Walk:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps.
 
@@ -147,6 +151,8 @@ def smooth(
         overrides: ``a.b=value`` strings, as ``--set`` takes them.
         format_name: of a log file; found by content if None.
         max_size: bytes of a log file's text that are read at most; 1 GiB if None.
+        use_gnss: which of the log's own GNSS fixes are anchors: ``none`` (they score, unless truth is named),
+            ``start``, ``ends`` or ``all``.
         force: give the smoothed trajectory even where the walk's own check withholds it (``Walk.integrity``).
 
     Raises:
@@ -154,9 +160,8 @@ def smooth(
         DataError: nothing usable in a file, no step, an anchor outside the log.
     """
     file = _log_file(log, format_name, max_size)
-    known = _places(truth)
     told = Told(
-        truth=file.truth if known is None else known,
+        truth=_places(truth),
         anchors=_places(anchors),
         closed_walk=closed_walk,
         origin=None if origin is None else Georeference(*origin),
@@ -170,10 +175,12 @@ def smooth(
         origin=told.origin,
         max_size=max_size,
         forced=force,
+        use_gnss=use_gnss,
     )
+    walk, told = with_places(file, told, inputs)
     effective = _configuration(config, file.log.format, overrides)
-    effective = with_declination(effective, told.place, file.log.t0_s, None if inputs.log is None else Path(inputs.log))
-    return _walk(reconstruct(file.log, effective, told, inputs))
+    effective = with_declination(effective, told.place, walk.t0_s, None if inputs.log is None else Path(inputs.log))
+    return _walk(reconstruct(walk, effective, told, inputs))
 
 
 def load_run(folder: str | Path) -> Walk:
@@ -257,7 +264,9 @@ class OnlineSmoother:
             DataError: anchors that cannot be read.
         """
         where = None if origin is None else Georeference(*origin)
-        self._told = Told(anchors=_places(anchors), closed_walk=closed_walk, origin=where)
+        known = _places(anchors)
+        known = None if known is None else on_logs_clock(known, LogClock(t0_s, math.inf))
+        self._told = Told(anchors=known, closed_walk=closed_walk, origin=where)
         asked = _configuration(config, "m5stickc", overrides)
         self._config = with_declination(asked, self._told.place, t0_s)
         if self._told.anchors is not None:

@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from fbgraph.core.aids import Told
-from fbgraph.core.checkpoints import read_checkpoints
+from fbgraph.core.aids import GnssUse, Told
+from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.earth_field import with_declination
-from fbgraph.core.errors import EstimationError
+from fbgraph.core.errors import ConfigError, DataError, EstimationError
 from fbgraph.core.georeference import Georeference
+from fbgraph.core.gnss_fixes import gnss_anchors
+from fbgraph.core.place_clocks import LogClock, on_logs_clock
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.baselines import baselines
@@ -28,6 +30,8 @@ from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.integrity.assess import assess
 from fbgraph.readers import preset, read_log
+from fbgraph.readers.cleaning import LogFile
+from fbgraph.readers.places import gnss_of, read_checkpoints
 from fbgraph.run.folder import RunClaim, write_tables
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.summary import summarize, summary_markdown
@@ -72,8 +76,71 @@ def read_walk(
     told = read_told(inputs)
     log_file = read_log(Path(str(inputs.log)), inputs.format, inputs.max_size)
     effective = load_config(config or preset(log_file.log.format), overrides)
-    effective = with_declination(effective, told.place, log_file.log.t0_s, Path(str(inputs.log)))
-    return log_file.log, effective, replace(told, truth=told.truth or log_file.truth)
+    log, told = with_places(log_file, told, inputs)
+    effective = with_declination(effective, told.place, log.t0_s, Path(str(inputs.log)))
+    return log, effective, told
+
+
+def with_places(log_file: LogFile, told: Told, inputs: RunInputs) -> tuple[SensorLog, Told]:
+    """A log and what was told of it, all places on the log's clock, with those that the log itself carries.
+
+    Args:
+        log_file: as read.
+        told: as the user named it.
+        inputs: says which of the log's fixes are anchors, and where the log is: fixes may be in a file beside it.
+
+    Returns:
+        The log, with notices of what was left out or assumed, and the truth and anchors that there are.
+
+    Raises:
+        DataError: places that are not on one clock with the log, or no fixes where they are to be used.
+        ConfigError: fixes are to be used beside other anchors.
+    """
+    log, clock = log_file.log, LogClock.of(log_file.log)
+    truth, anchors = (None if places is None else on_logs_clock(places, clock) for places in (told.truth, told.anchors))
+    truth = log_file.truth if truth is None else truth
+    fixes, said = _own_fixes(log_file, inputs, clock)
+    use = None
+    if fixes is not None:
+        used, used_as = fixes.select(slice(0)), "none"
+        if inputs.use_gnss != "none":
+            if anchors is not None:
+                raise ConfigError("the log's fixes and other anchors: name one of them")
+            anchors = used = gnss_anchors(fixes, inputs.use_gnss)
+            used_as = inputs.use_gnss
+        elif truth is None:
+            truth = used = fixes
+            used_as = "truth"
+        sigma_m = float(np.median(used.sigma_m)) if len(used) else None
+        use = GnssUse(fixes.source, len(fixes), len(used), used_as, sigma_m)
+    notices = [*said, *(text for places in (truth, anchors) if places is not None for text in places.notices)]
+    log = replace(log, notices=(*log.notices, *dict.fromkeys(notices)))
+    return log, replace(told, truth=truth, anchors=anchors, gnss=use)
+
+
+def _own_fixes(log_file: LogFile, inputs: RunInputs, clock: LogClock) -> tuple[Checkpoints | None, tuple[str, ...]]:
+    """What a receiver found during the walk, on the log's clock, and what is to be said of it.
+
+    Fixes that nobody asked for are no reason to refuse a walk.
+    """
+    asked = inputs.use_gnss != "none"
+    fixes = log_file.gnss
+    if asked and fixes is None and inputs.log is not None:
+        fixes = gnss_of(Path(inputs.log))
+    if fixes is None:
+        if asked:
+            raise DataError(
+                f"{inputs.log or log_file.log.name}: --use-gnss {inputs.use_gnss}: no GNSS fixes in the log and no "
+                "Location.csv beside it; name a file of places with --anchors"
+            )
+        return None, ()
+    try:
+        fixes = on_logs_clock(fixes, clock)
+    except DataError as error:
+        if asked:
+            raise
+        return None, (f"GNSS fixes not used: {error}",)
+    return fixes, fixes.notices
 
 
 def reconstruct(

@@ -9,11 +9,10 @@ import numpy as np
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.whole_writes import whole_file
-from fbgraph.pipeline import read_told, reconstruct
-from fbgraph.readers import read_log
-from fbgraph.readers.raw_recorder import saved_log
+from fbgraph.pipeline import read_told, reconstruct, with_places
 from fbgraph.run.folder import RAW
 from fbgraph.run.inputs import RunInputs
+from fbgraph.run.log_again import read_log_again
 from fbgraph.run.read_run import SavedRun, read_run
 from fbgraph.run.summary import summarize, summary_markdown
 from fbgraph.run.walk_result import WalkResult
@@ -38,16 +37,9 @@ def repeat_run(run: Path, log_path: Path | None = None) -> WalkResult:
     config, told = saved.read_config(), read_told(inputs)
     chunk_s = inputs.online_chunk_s
     if inputs.log == RAW:
-        log, chunk_s = saved_log(run / RAW), chunk_s or _LIVE_CHUNK_S
-    else:
-        path = log_path or Path(str(inputs.log))
-        if not path.exists():
-            where = f"--log {path}: no such file" if log_path else f"its log {path} is not there any more"
-            raise DataError(f"{run}: {where}; say where it is now with --log")
-        log_file = read_log(path, inputs.format, inputs.max_size)
-        log, told = log_file.log, replace(told, truth=told.truth or log_file.truth)
-    if inputs.until_s is not None:
-        log = log.between(-np.inf, inputs.until_s)
+        chunk_s = chunk_s or _LIVE_CHUNK_S
+    file = read_log_again(saved, log_path)
+    log, told = with_places(file, told, inputs if log_path is None else replace(inputs, log=str(log_path)))
     if chunk_s is None:
         result = reconstruct(log, config, told, inputs)
     else:

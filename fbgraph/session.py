@@ -26,7 +26,8 @@ from fbgraph.estimators.online_smoother import OnlineSmoother
 from fbgraph.front_end.detect_steps import detect_steps
 from fbgraph.front_end.step_track import Step
 from fbgraph.integrity.live_check import LiveCheck
-from fbgraph.pipeline import compose, held_back, reconstruct, require_anchors_within, stand_in
+from fbgraph.pipeline import compose, held_back, reconstruct, require_anchors_within, stand_in, with_places
+from fbgraph.readers.cleaning import LogFile
 from fbgraph.readers.live_lines import LiveReader
 from fbgraph.readers.raw_recorder import LineCutter, RawRecorder, cut_torn_line, saved_lines, saved_log
 from fbgraph.run.folder import RAW
@@ -334,7 +335,16 @@ def follow_source(
     except OSError as error:
         tell(f"recording ended: {raw_path}: {error.strerror or error}; what came before is kept there")
     estimates.feed(cutter.finish(), on_update)
-    return estimates.finish(saved_log(raw_path), config, told, replace(inputs or RunInputs(), log=RAW))
+    log, told = _with_its_truth(saved_log(raw_path), told)
+    return estimates.finish(log, config, told, replace(inputs or RunInputs(), log=RAW))
+
+
+def _with_its_truth(log: SensorLog, told: Told) -> tuple[SensorLog, Told]:
+    """A live walk's truth on its clock, which is known now; without it if it is another's."""
+    try:
+        return with_places(LogFile(log, None), told, RunInputs())
+    except DataError as error:
+        return replace(log, notices=(*log.notices, f"not scored: {error}")), replace(told, truth=None)
 
 
 def live_declination(config: Config, told: Told) -> Config:

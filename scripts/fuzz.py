@@ -27,12 +27,12 @@ from pathlib import Path
 import numpy as np
 
 from fbgraph.core.aids import Told
-from fbgraph.core.checkpoints import read_checkpoints
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import FbgraphError
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.pipeline import reconstruct, write_run
 from fbgraph.readers import preset, read_log
+from fbgraph.readers.places import read_checkpoints
 from fbgraph.run.folder import claimed_run
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.read_run import read_directions, read_run, read_summary, score_run, trajectory_of

@@ -65,6 +65,10 @@ def test_heavy_libraries_stay_in_their_rooms(module: str) -> None:
     used = {name.split(".")[0] for name in imported(module)}
     assert "gtsam" not in used or room(module) == "estimators"
     assert "rerun" not in used or room(module) == "recording" or module == "fbgraph.study.study_recording"
+    assert not {"mcap", "mcap_protobuf", "foxglove_schemas_protobuf"} & used or room(module) == "exports"
+    assert "pyarrow" not in used or room(module) in ("exports", "recording")
+    gpx = ("fbgraph.readers.places", "fbgraph.way_back.gpx_geojson")
+    assert "gpxpy" not in used or room(module) == "exports" or module in gpx
     assert "matplotlib" not in used or module == "fbgraph.study.figures"
     assert "typer" not in used or room(module) == "cli"
 
@@ -100,7 +104,9 @@ def loaded(code: str) -> set[str]:
     return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
 
 
-@pytest.mark.parametrize("module", ["fbgraph.run.read_run", "fbgraph.way_back.gpx_geojson", "fbgraph.run.scores"])
+@pytest.mark.parametrize(
+    "module", ["fbgraph.run.read_run", "fbgraph.way_back.gpx_geojson", "fbgraph.run.scores", "fbgraph.exports.mcap"]
+)
 def test_who_reads_a_run_loads_no_solver(module: str) -> None:
     assert not {"gtsam", "vqf", "rerun"} & loaded(f"import {module}")
 

@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from fbgraph import __version__
-from fbgraph.cli.printing import close_stdout, complain, say
+from fbgraph.cli.printing import close_stdout, complain, output_lost, say
 from fbgraph.core.errors import ConfigError, FbgraphError
 from fbgraph.core.safe_text import for_terminal
 
@@ -72,11 +72,29 @@ FormatOption = Annotated[
 ]
 TruthOption = Annotated[
     Path | None,
-    typer.Option("--truth", metavar="CSV", help="Known places, for scoring only: t_s,x_m,y_m[,z_m][,floor][,sigma_m]."),
+    typer.Option(
+        "--truth",
+        metavar="FILE",
+        help="Known places, for scoring only: CSV t_s,x_m,y_m[,z_m][,floor][,sigma_m], a phone's Location.csv, GPX, "
+        "TUM, or a log that carries them. Example: --truth Location.csv",
+    ),
 ]
 AnchorsOption = Annotated[
     Path | None,
-    typer.Option("--anchors", metavar="CSV", help="Known places for the smoother: t_s,x_m,y_m[,z_m][,sigma_m]."),
+    typer.Option(
+        "--anchors",
+        metavar="FILE",
+        help="Known places for the smoother, in the forms of --truth. Example: --anchors track.gpx",
+    ),
+]
+UseGnssOption = Annotated[
+    str,
+    typer.Option(
+        "--use-gnss",
+        metavar="none|start|ends|all",
+        help="Which GNSS fixes of the log, or of the Location.csv beside it, are anchors; with none they only score. "
+        "Example: --use-gnss start",
+    ),
 ]
 ClosedLoopOption = Annotated[bool, typer.Option("--closed-loop", help="The walk ends where it began.")]
 OriginOption = Annotated[
@@ -130,6 +148,8 @@ def main() -> None:
         with contextlib.suppress(OSError):
             sys.stdout.flush()
         os._exit(int(end.code or 0))
+    except SystemExit as end:
+        sys.exit(end.code or int(output_lost()))
     except FbgraphError as error:
         _fail(str(error), error.exit_code)
     except BrokenPipeError:

@@ -17,6 +17,7 @@ from fbgraph.core.verdict import Integrity, verdict_lines
 
 Progress = Callable[[str], None]
 """Called with the name of each stage as it begins."""
+_lost: list[OSError] = []
 
 
 def say(line: str = "") -> None:
@@ -51,6 +52,15 @@ def _write(data: bytes) -> None:
         sys.stdout.buffer.flush()
     except BrokenPipeError:
         close_stdout()
+    except OSError as error:  # a full disk behind a redirection: the work goes on, the exit code tells
+        close_stdout()
+        _lost.append(error)
+        complain(f"standard output cannot be written ({error.strerror}); files are written all the same")
+
+
+def output_lost() -> bool:
+    """Whether something that was printed found no place."""
+    return bool(_lost)
 
 
 def close_stdout() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
@@ -75,16 +74,20 @@ def record(
 def evaluate(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
     truth: Annotated[
-        Path, typer.Option("--truth", metavar="CSV", help="Known places: t_s,x_m,y_m[,z_m][,floor][,sigma_m].")
+        Path,
+        typer.Option("--truth", metavar="FILE", help="Known places, in any form that `fbgraph smooth --truth` takes."),
     ],
     as_json: JsonOption = False,
 ) -> None:
     """Score a run folder against known places."""
-    from fbgraph.core.checkpoints import read_checkpoints
-    from fbgraph.run.read_run import read_run, score_run
+    from fbgraph.readers.places import read_checkpoints
+    from fbgraph.run.read_run import on_its_clock, read_run, score_run
 
     saved = read_run(run)
-    scores = score_run(saved, read_checkpoints(truth))
+    known = on_its_clock(saved, read_checkpoints(truth))
+    for notice in known.notices:
+        complain(notice)
+    scores = score_run(saved, known)
     if as_json:
         say_json(scores)
     else:
@@ -114,26 +117,23 @@ def guide(
     from fbgraph.core.georeference import parse_origin
     from fbgraph.core.whole_writes import whole_file
     from fbgraph.run.folder import require_free
-    from fbgraph.run.read_run import read_directions, read_georeference, read_run, unturned_field
+    from fbgraph.run.placement import placement
+    from fbgraph.run.read_run import read_directions, read_run
     from fbgraph.way_back.gpx_geojson import format_directions
 
     if units not in ("metric", "steps"):
         raise ConfigError(f"unknown units {units!r}: expected metric or steps")
     given = None if origin is None else parse_origin(origin)
     saved = read_run(run)
-    where = given or read_georeference(saved.summary)
-    field = unturned_field(saved, estimator, where) if format_ in ("geojson", "gpx") else None
-    there = read_directions(saved, estimator, pace_m, 0.0 if field is None else -math.radians(field.declination_deg))
-    if given is not None:
-        x_m, y_m, _ = there.points_m[0]
-        where = given.moved(-x_m, -y_m)
-    if field is not None:
-        complain(
-            f"the walk was smoothed towards magnetic North; on the map it is turned by the declination, {field.text}"
-        )
+    placed = placement(saved, estimator, given) if format_ in ("geojson", "gpx") else None
+    there = read_directions(saved, estimator, pace_m, placed.turned_rad if placed else 0.0)
+    if placed and placed.note:
+        complain(placed.note)
     elif format_ == "text" and (north := (saved.summary.get("declination") or {}).get("deg")):
         complain(f"headings are from true North; a compass needle there points {degrees_text(north)} of it")
-    text = format_directions(there.reversed(), format_, "steps" if units == "steps" else "metric", where)
+    text = format_directions(
+        there.reversed(), format_, "steps" if units == "steps" else "metric", placed.origin if placed else None
+    )
     if out is None:
         say_document(text, for_reading=format_ == "text")
         return

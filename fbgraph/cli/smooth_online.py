@@ -25,6 +25,7 @@ from fbgraph.cli.app import (
     ReturnAtOption,
     SetOption,
     TruthOption,
+    UseGnssOption,
     app,
     require_rerun,
 )
@@ -48,6 +49,7 @@ def smooth(
     format_: FormatOption = None,
     truth: TruthOption = None,
     anchors: AnchorsOption = None,
+    use_gnss: UseGnssOption = "none",
     closed_loop: ClosedLoopOption = False,
     origin: OriginOption = None,
     out_and_back: Annotated[
@@ -69,7 +71,7 @@ def smooth(
     set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss)
     with progress_bar() as progress:
         progress("read")
         walk, effective, told = read_walk(inputs, config, set_)
@@ -105,6 +107,7 @@ def online(
     format_: FormatOption = None,
     truth: TruthOption = None,
     anchors: AnchorsOption = None,
+    use_gnss: UseGnssOption = "none",
     closed_loop: ClosedLoopOption = False,
     origin: OriginOption = None,
     return_at: ReturnAtOption = None,
@@ -128,11 +131,13 @@ def online(
         raise ConfigError("--resume goes on with the walk's own configuration: leave out --config and --set")
     if source is not None and anchors is not None:
         raise ConfigError("--anchors needs a LOG: a live device's clock is not known beforehand")
+    if source is not None and use_gnss != "none":
+        raise ConfigError("--use-gnss needs a LOG, with the fixes in it or beside it")
     set_ = [*(set_ or ()), *([f"returning.at={json.dumps(return_at)}"] if return_at is not None else ())]
     load_config(config, set_)  # a wrong option is told before the walk begins
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss)
     show, pace = _update_printer(follow, as_json), _speed(speed)
     stopping = _stop_on_signals()
     if source is None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import combinations
+from typing import Any
 
 from fbgraph.core.checkpoints import FASTEST_M_S, SLACK_M, Checkpoints
 from fbgraph.core.georeference import Georeference
@@ -55,6 +56,29 @@ class Aids:
 
 
 @dataclass(frozen=True)
+class GnssUse:
+    """How a log's own fixes were used.
+
+    Attributes:
+        source: where they came from.
+        fixes: how many of them lie within the log and may be believed.
+        used: how many were used.
+        used_as: ``truth``, or which of them are anchors: ``start``, ``ends`` or ``all``; ``none`` if they were not.
+        sigma_m: median standard deviation on each axis of those used, as anchors with their widening; None of none.
+    """
+
+    source: str
+    fixes: int
+    used: int
+    used_as: str
+    sigma_m: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For ``summary.json``."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
 class Told:
     """Everything that a user says of a walk, on the log's event clock; no estimator sees the truth.
 
@@ -63,12 +87,14 @@ class Told:
         anchors: known places that enter the graph.
         closed_walk: whether the walk ends where it began.
         origin: where on Earth the walk began.
+        gnss: how the log's own fixes were used, which are among truth or anchors; None if it has none.
     """
 
     truth: Checkpoints | None = None
     anchors: Checkpoints | None = None
     closed_walk: bool = False
     origin: Georeference | None = None
+    gnss: GnssUse | None = None
 
     @property
     def place(self) -> Georeference | None:

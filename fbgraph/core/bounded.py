@@ -208,6 +208,16 @@ def table_of_places(path: Path, kind: str) -> bytes:
         DataError: it cannot be read, or is larger, longer or wider than any such table.
     """
     data = small_file(path, PLACES_BYTES, kind)
+    require_table(data, path, kind)
+    return data
+
+
+def require_table(data: bytes, path: Path, kind: str) -> None:
+    """Refuse what is longer or wider than any table of places; arguments as ``table_of_places``.
+
+    Raises:
+        DataError: it is.
+    """
     if (rows := data.count(b"\n")) > MOST_PLACES:
         raise DataError(f"{path}: {rows} lines, the limit of a {kind} is {MOST_PLACES}")
     for line in data.split(b"\n"):
@@ -216,7 +226,6 @@ def table_of_places(path: Path, kind: str) -> bytes:
                 f"{path}: a line of {len(line)} bytes and {line.count(b',') + 1} columns; "
                 f"the limits of a {kind} are {LONGEST_LINE} and {MOST_COLUMNS}"
             )
-    return data
 
 
 class WholeLines:

@@ -1,21 +1,15 @@
 """Checkpoints: known places at known times. As truth they only score; as anchors they enter the graph.
 
-CSV, with a header, on the log's own clock: ``t_s,x_m,y_m[,z_m][,floor][,sigma_m]``, or ``lat_deg,lon_deg`` for
-``x_m,y_m`` (metres are then those East and North of the first row). The columns of the IPIN 2023 truth files
-(``t_app_s,checkpoint,lat_deg,lon_deg,floor,east_m,north_m``) are understood too. ``sigma_m`` is the standard deviation
-of a place on each axis; without it a place is taken as exact, one of IPIN as good to half a metre.
+They come from a log, or from a file of one of the forms that ``readers.places`` reads.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from io import BytesIO
-from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
-from fbgraph.core.bounded import table_of_places
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.georeference import Georeference, along_ground_m
@@ -26,7 +20,9 @@ _MOST_COORDINATE = 1e9
 _MOST_ANCHORS = 20_000
 IPIN_SIGMA_M = 0.5
 """Of a checkpoint of the IPIN competitions: surveyed to centimetres, pressed by hand some 0.4 s early or late."""
-_ALIASES = {"t_app_s": "t_s", "east_m": "x_m", "north_m": "y_m", "up_m": "z_m"}
+Clock = Literal["log", "own", "elapsed", "samples"]
+"""What ``Checkpoints.t_s`` counts: seconds on the log's clock; seconds on a clock that may be the log's; seconds since
+a recording began; rows of a log that has no clock."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +38,11 @@ class Checkpoints:
         source: where they came from, for messages.
         georeference: where on Earth the local frame lies, None if nobody knows.
         doubt: why nobody can have been at all of them; empty if somebody can.
+        gnss: whether a satellite receiver found them: then ``y_m`` is true North, and errors of neighbours are alike.
+        clock: what ``t_s`` counts until ``place_clocks.on_logs_clock`` has brought it to the log's clock.
+        elapsed_s: (M,) the same times in seconds since the recording began, where the file tells both.
+        rate_hz: rows of the log a second, as a file that counts rows tells it; nan otherwise.
+        notices: what was left out or assumed.
     """
 
     t_s: FloatArray
@@ -53,9 +54,21 @@ class Checkpoints:
     source: str = ""
     georeference: Georeference | None = None
     doubt: str = ""
+    gnss: bool = False
+    clock: Clock = "log"
+    elapsed_s: FloatArray | None = None
+    rate_hz: float = np.nan
+    notices: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    @property
+    def label(self) -> str:
+        """Where they came from, and how good they are if a receiver found them."""
+        if not self.gnss:
+            return self.source
+        return f"{self.source} (GNSS, {float(np.median(self.sigma_m)):.1f} m 1σ on each axis)"
 
     @property
     def xy_m(self) -> FloatArray:
@@ -122,7 +135,8 @@ class Checkpoints:
     def select(self, which: slice | IntArray | BoolArray) -> Checkpoints:
         """The checkpoints at these indices."""
         fields = ("t_s", "x_m", "y_m", "z_m", "floor", "sigma_m")
-        return replace(self, **{name: getattr(self, name)[which] for name in fields})
+        elapsed_s = None if self.elapsed_s is None else self.elapsed_s[which]
+        return replace(self, elapsed_s=elapsed_s, **{name: getattr(self, name)[which] for name in fields})
 
 
 def checkpoints(
@@ -192,62 +206,6 @@ def _impossible(
 def _shown(number: float, digits: int) -> str:
     """A coordinate; one with hundreds of digits is none."""
     return f"{number:.{digits}f}" if abs(number) < _MOST_COORDINATE else f"{number:.4g}"
-
-
-def read_checkpoints(path: str | Path) -> Checkpoints:
-    """Read a checkpoint CSV.
-
-    Raises:
-        DataError: the file cannot be read, lacks ``t_s``, ``x_m`` or ``y_m``, or holds a row that is not numbers.
-    """
-    import pandas as pd  # here, because it takes a second to import
-
-    data = table_of_places(Path(path), "checkpoint CSV")
-    try:
-        table = pd.read_csv(BytesIO(data), comment="#", skipinitialspace=True)
-    except ValueError as error:  # pandas' parser and decoding errors are ValueErrors
-        raise DataError(f"{path}: not a readable checkpoint CSV: {str(error).splitlines()[0]}") from error
-    ipin = "t_app_s" in table
-    table = table.rename(columns={name: _ALIASES.get(name.strip(), name.strip()) for name in table.columns})
-    on_earth = {"lat_deg", "lon_deg"} <= set(table.columns)
-    places = ("lat_deg", "lon_deg") if on_earth and not {"x_m", "y_m"} <= set(table.columns) else ("x_m", "y_m")
-    missing = [name for name in ("t_s", *places) if name not in table]
-    if missing:
-        raise DataError(
-            f"{path}: no column {', '.join(missing)} (found {', '.join(map(str, table.columns))}); "
-            "a checkpoint file needs t_s,x_m,y_m[,z_m][,floor][,sigma_m], or lat_deg,lon_deg for x_m,y_m"
-        )
-    if len(table) == 0:
-        raise DataError(f"{path}: a header and no checkpoint")
-    columns: dict[str, FloatArray] = {}
-    for name in ("t_s", "x_m", "y_m", "lat_deg", "lon_deg", "z_m", "floor", "sigma_m"):
-        if name in table:
-            values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
-            if name in ("t_s", *places) and not np.isfinite(values).all():
-                row = int(np.flatnonzero(~np.isfinite(values))[0])
-                raise DataError(f"{path}: row {row + 1} after the header: {name} is not a number")
-            columns[name] = values
-    if ipin and "sigma_m" not in columns:
-        columns["sigma_m"] = np.full(len(table), IPIN_SIGMA_M)
-    for name, most in (("lat_deg", 90.0), ("lon_deg", 180.0)):
-        outside = np.flatnonzero(np.abs(columns.get(name, np.empty(0))) > most)
-        if len(outside):
-            row, value = int(outside[0]), columns[name][outside[0]]
-            raise DataError(f"{path}: row {row + 1} after the header: {name} {value:g} is not within ±{most:g}")
-    return checkpoints(**_placed(columns), source=str(path))
-
-
-def _placed(columns: dict[str, FloatArray]) -> dict[str, Any]:
-    """Latitude and longitude as metres in a local frame, or, if there are metres too, as where that frame lies."""
-    lat_deg, lon_deg = columns.pop("lat_deg", np.empty(0)), columns.pop("lon_deg", np.empty(0))
-    if not (len(lat_deg) and len(lon_deg) and np.isfinite((lat_deg[0], lon_deg[0])).all()):
-        return dict(columns)
-    first = Georeference(float(lat_deg[0]), float(lon_deg[0]))
-    if "x_m" in columns and "y_m" in columns:
-        return {**columns, "georeference": first.moved(-columns["x_m"][0], -columns["y_m"][0])}
-    lat_lon_deg = np.column_stack((lat_deg, lon_deg))
-    x_m, y_m = first.local_m(lat_lon_deg).T
-    return {**columns, "x_m": x_m, "y_m": y_m, "georeference": first, "lat_lon_deg": lat_lon_deg}
 
 
 def anchor_breadcrumbs(anchors: Checkpoints, t_s: FloatArray) -> IntArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from fbgraph.core.trajectory import Trajectory
 _QUATERNION = 1e-5  # files have six digits at least
 
 
-def write_tum(path: Path, trajectory: Trajectory, t0_s: float) -> None:
+def write_tum(out: Path | BinaryIO, trajectory: Trajectory, t0_s: float) -> None:
     """Write ``t x y z qx qy qz qw``, one row a breadcrumb, ``t`` on the format's event clock (``t_s + t0_s``)."""
     half = trajectory.yaw_rad / 2.0
     zeros = np.zeros(len(trajectory))
@@ -28,7 +29,7 @@ def write_tum(path: Path, trajectory: Trajectory, t0_s: float) -> None:
             np.cos(half),
         )
     )
-    np.savetxt(path, table, fmt=["%.6f"] + ["%.6f"] * 3 + ["%.9f"] * 4)
+    np.savetxt(out, table, fmt=["%.6f"] + ["%.6f"] * 3 + ["%.9f"] * 4)
 
 
 def read_tum(path: Path, t0_s: float = 0.0) -> Trajectory:

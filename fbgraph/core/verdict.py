@@ -71,6 +71,14 @@ MOST_TOLD = 3
 """Reasons told on a terminal; all of them are in ``summary.json``."""
 
 
+def caution(integrity: Integrity, what: str) -> tuple[str, ...]:
+    """What to know before relying on ``what``, in a sentence each; nothing where the run is sound."""
+    if integrity.verdict == "sound":
+        return ()
+    reasons = (f"{reason.sentence}." for reason in integrity.reasons[:MOST_TOLD])
+    return (f"Do not rely on this {what}: its position is {integrity.verdict}.", *reasons)
+
+
 def verdict_lines(integrity: Integrity) -> list[str]:
     """The verdict in a line, and up to ``MOST_TOLD`` reasons in a line each."""
     if integrity.verdict == "sound":

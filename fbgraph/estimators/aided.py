@@ -116,7 +116,7 @@ def _anchors_checked(
         return anchors, None, [], ["the anchors are too near to one another to tell how their frame is turned"]
     agreed = fit.agree.all()
     other = ""
-    if not agreed or fit.cost > _MUCH:
+    if not anchors.gnss and (not agreed or fit.cost > _MUCH):  # a receiver counts metres East and North
         other = _other_frame(walk, anchors, fit, crumbs, alone, sigma_m, compass)
     if agreed and not other:
         late_s, gain = _late(walk, fit)
@@ -125,7 +125,7 @@ def _anchors_checked(
             crumbs = anchor_breadcrumbs(on_time, track.t_s)
             fit = WalkAtAnchors(alone, crumbs, anchors.xy_m, sigma_m).fit(compass) or fit
             frame = frame_of(fit, anchors.xy_m, free=True)
-            return on_time, frame, [_late_reason(anchors, late_s)], _turned_note(fit, compass)
+            return on_time, frame, [_late_reason(anchors, late_s)], _turned_note(fit, compass, anchors.gnss)
         doubts, notes = _turned_or_mirrored(walk, anchors, fit, compass)
         frame = frame_of(fit, anchors.xy_m, free=True)
         return anchors, replace(frame, sigma_late_s=math.hypot(frame.sigma_late_s, late_s)), doubts, notes
@@ -138,7 +138,7 @@ def _anchors_checked(
         sigma_m = np.where(fit.agree, anchors.sigma_m, np.maximum(fit.off_m, sigma_m))
         frame = frame_of(fit, anchors.xy_m, free=True)
     doubted = replace(anchors, sigma_m=np.asarray(sigma_m))
-    notes = [] if other else _turned_note(fit, compass)
+    notes = [] if other else _turned_note(fit, compass, anchors.gnss)
     return doubted, frame, [_contradiction(anchors, fit, other)], notes
 
 
@@ -167,9 +167,9 @@ def _turned_or_mirrored(
     walk: WalkAtAnchors, anchors: Checkpoints, fit: FrameFit, compass: bool
 ) -> tuple[list[Reason], list[str]]:
     """What to say of a frame that is turned, and of one that may be mirrored as well."""
-    notes = _turned_note(fit, compass)
-    if not notes:
-        return [], []
+    notes = _turned_note(fit, compass, anchors.gnss)
+    if not notes or anchors.gnss:
+        return [], notes
     other = walk.fit(compass, mirrored=True)
     words = "" if other is None or not other.agree.all() else _mirrored_words(other.turn_rad, compass)
     if other is None or not words or other.cost > fit.cost + _BETTER:
@@ -201,14 +201,19 @@ def _laid(walk: WalkAtAnchors, compass: bool) -> FrameFit:
     return walk.laid(turn)
 
 
-def _turned_note(fit: FrameFit, compass: bool) -> list[str]:
-    """A sentence on a frame that is not the compass's."""
+def _turned_note(fit: FrameFit, compass: bool, gnss: bool) -> list[str]:
+    """A sentence on a frame that is not the compass's; a receiver's is that of true North."""
     least = max(_TURNED_LEAST_RAD, 2.0 * math.hypot(_TURNED_SIGMA_RAD, fit.sigma_turn_rad))
     if not compass or abs(fit.turn_rad) < least:
         return []
     # the walk turned anticlockwise to lie in the frame: the frame's y axis lies clockwise of North
     way = "East" if fit.turn_rad > 0 else "West"
     degrees = math.degrees(abs(fit.turn_rad))
+    if gnss:
+        return [
+            f"by GNSS the walk is turned by {degrees:.0f} ± {math.degrees(2.0 * fit.sigma_turn_rad):.0f}° (2σ) to the "
+            f"{'left' if fit.turn_rad > 0 else 'right'} of where the compass puts it: how the device was held, or iron"
+        ]
     return [
         f"the anchors' frame is turned by {degrees:.0f} ± {math.degrees(2.0 * fit.sigma_turn_rad):.0f}° (2σ) against "
         f"magnetic North, its y axis to the {way}: the result is in the anchors' frame"

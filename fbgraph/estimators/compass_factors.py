@@ -60,7 +60,7 @@ def compass_factors(
             X(one), _BY_POSE, I(j), by_iron[at], right[at], gtsam.noiseModel.Diagonal.Sigmas(sigma[at])
         )
         point = gtsam.Values()
-        point.insert(X(one), gtsam.Pose2(0.0, 0.0, float(yaw_rad[at])))
+        point.insert(X(one), pose2=gtsam.Pose2(0.0, 0.0, float(yaw_rad[at])))
         point.insert(I(j), iron_ut[at] / UNIT_UT)
         factors.append(gtsam.LinearContainerFactor(jacobian, point))
     return factors

@@ -96,10 +96,10 @@ class GraphBuilder:
         """
         self._k += 1
         k, previous = self._k, self._previous
-        values.insert(X(k), node.pose)
-        values.insert(Z(k), node.z_m)
+        values.insert(X(k), pose2=node.pose)
+        values.insert(Z(k), c=node.z_m)
         values.insert(B(k), node.gyroscope)
-        values.insert(D(k), node.isobar_m)
+        values.insert(D(k), c=node.isobar_m)
         if previous is None or previous_node is None:
             self._add_start(node, graph)
         else:
@@ -220,8 +220,8 @@ def heading_factor(k: int, turn: GyroTurn, node: Node, previous: Node) -> gtsam.
         X(k - 1), -_YAW_ROW, X(k), _YAW_ROW, B(k), by_gyroscope, residual, sigmas(turn.sigma_rad)
     )
     point = gtsam.Values()
-    point.insert(X(k - 1), previous.pose)
-    point.insert(X(k), node.pose)
+    point.insert(X(k - 1), pose2=previous.pose)
+    point.insert(X(k), pose2=node.pose)
     point.insert(B(k), node.gyroscope)
     return gtsam.LinearContainerFactor(jacobian, point)
 

@@ -162,10 +162,10 @@ class IsamWindow:
         self._compass.turned(first, steps)
         values = gtsam.Values()
         for k, node in enumerate(self.nodes[self.first :], self.first):
-            values.insert(X(k), node.pose)
-            values.insert(Z(k), node.z_m)
+            values.insert(X(k), pose2=node.pose)
+            values.insert(Z(k), c=node.z_m)
             values.insert(B(k), node.gyroscope)
-            values.insert(D(k), node.isobar_m)
+            values.insert(D(k), c=node.isobar_m)
         self._rebuild(self.first, values)
 
     def close(self, closures: Iterable[Closure]) -> None:
@@ -221,27 +221,32 @@ class IsamWindow:
         self._compass.forget(join)
         self._rebuild(join, result)
 
-    def _rebuild(self, first: int, result: gtsam.Values) -> None:
-        """A new tree of the breadcrumbs from ``first`` on."""
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    def _rebuild(self, first: int, values: gtsam.Values) -> None:
+        """A new tree of the breadcrumbs from ``first`` on; ``values`` are the window's, and lose what lies before."""
+        graph = gtsam.NonlinearFactorGraph()
         for part in self._graphs:
             graph.push_back(part)
         for factor in self._compass.again(self.nodes, first, len(self.nodes) - 1):
             graph.push_back(factor)
-        for j in self._compass.states(first):
-            values.insert(I(j), self._compass.iron_ut[j] / UNIT_UT)
         for closure in self.closures:
             if closure.j > first:
                 graph.push_back(self._closure_factor(closure, first))
-        for k in range(first, len(self.nodes)):
-            values.insert(X(k), result.atPose2(X(k)))
-            values.insert(Z(k), result.atDouble(Z(k)))
-            values.insert(B(k), result.atVector(B(k)))
-            values.insert(D(k), result.atDouble(D(k)))
+        for k in range(self.first, first):
+            for key in (X(k), Z(k), B(k), D(k)):
+                values.erase(key)
+        for j in self._compass.states(self.first):  # whichever of them the estimate knew
+            if values.exists(I(j)):
+                values.erase(I(j))
+        for j in self._compass.states(first):
+            values.insert(I(j), self._compass.iron_ut[j] / UNIT_UT)
         self.first = first
         self._isam = self._new_isam()
-        with _solving(f"step {len(self.nodes) - 1}"):
-            self._isam.update(graph, values)
+        # the next breadcrumb is tied to the last one: far from the root, the whole tree would be made once more
+        last, at_root = len(self.nodes) - 1, gtsam.KeyGroupMap()
+        for key in (X(last), Z(last), B(last), D(last), *map(I, self._compass.states(last))):
+            at_root.insert2(key, 1)
+        with _solving(f"step {last}"):
+            self._isam.update(graph, values, constrainedKeys=at_root)
 
     def _eliminated(
         self, graphs: Sequence[gtsam.NonlinearFactorGraph], join: int, result: gtsam.Values
@@ -257,12 +262,15 @@ class IsamWindow:
             older.push_back(factor)
         gone = gtsam.Ordering()
         iron = self._compass.state_of(join)
-        for j in self._compass.states(self.first):
-            if iron is not None and j < iron:
-                gone.push_back(I(j))
+        states = [j for j in self._compass.states(self.first) if iron is not None and j < iron]
         for k in range(self.first, join):
+            # a state of the iron after its breadcrumbs: before them it would tie them all together
+            while states and states[0] < (self._compass.state_of(k) or 0):
+                gone.push_back(I(states.pop(0)))
             for key in (X(k), Z(k), B(k), D(k)):
                 gone.push_back(key)
+        for j in states:
+            gone.push_back(I(j))
         if any(self.first < k <= join for k in self._after_gaps):
             kept = {X(join): 3, Z(join): 1, B(join): 2, D(join): 1, **({} if iron is None else {I(iron): 3})}
             return _eliminated_by_qr(older.linearize(result), gone, kept, result)

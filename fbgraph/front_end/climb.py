@@ -73,6 +73,7 @@ class ClimbGauge:
         self._frequencies_hz: list[float] = []
         self._last_end: int | None = None
         self._last_altitude_m = math.nan
+        self._looked = -1, np.empty(0)  # the latest grid index looked back from, and what was seen
 
     def push(self, signals: LevelledSignals) -> None:
         """Take the next signals, before the steps found in them."""
@@ -84,6 +85,7 @@ class ClimbGauge:
         # a ride may have begun at the last step, and steps of a run become known a few seconds late
         since_index = signals.index[0] if self._last_end is None else min(signals.index[0], self._last_end)
         since_index = max(since_index, signals.index[0] - round(_REST_S * self._rate_hz))
+        self._looked = -1, self._looked[1]
         kept = self._at >= since_index // self._stride - self._samples(LOOK_BACK_S + MEMORY_S)
         self._at, self._altitude_m = self._at[kept], self._altitude_m[kept]
 
@@ -145,9 +147,12 @@ class ClimbGauge:
 
     def _before(self, index: int, duration_s: float) -> FloatArray:
         """The last so many seconds before a grid index, without what lies before a silence."""
-        values = self._between(index - (self._samples(duration_s) - 1) * self._stride, index)
-        silent = np.flatnonzero(np.isnan(values))
-        return values[silent[-1] + 1 :] if len(silent) else values
+        if self._looked[0] != index:  # asked several times a step: the longest holds the others
+            values = self._between(index - (self._samples(MEMORY_S) - 1) * self._stride, index)
+            silent = np.flatnonzero(np.isnan(values))
+            self._looked = index, values[silent[-1] + 1 :] if len(silent) else values
+        known = self._looked[1]
+        return known[max(len(known) - self._samples(duration_s) + (index % self._stride > 0), 0) :]
 
     def _leaps(self, altitude_m: FloatArray) -> BoolArray:
         """(N,) whether altitude changed within the second before by more than legs and noise do."""
@@ -172,11 +177,12 @@ class ClimbGauge:
         altitude_m, count = self._before(index, _ROUGH_S), self._samples(_SLOPE_S)
         if len(altitude_m) < count:
             return _line(altitude_m, self._every_s)[1]
-        windows = np.lib.stride_tricks.sliding_window_view(altitude_m, count)
+        windows = altitude_m[np.arange(len(altitude_m) - count + 1)[:, None] + np.arange(count)]
         t = np.arange(count) - (count - 1) / 2.0
         around = windows - windows.mean(axis=1)[:, None]
         scatter = np.sqrt(((around - np.outer(around @ t / (t @ t), t)) ** 2).mean(axis=1))
-        return float(max(np.median(scatter), scatter[-1]))
+        middle = np.sort(scatter)[[(len(scatter) - 1) // 2, len(scatter) // 2]]  # (np.median is slow)
+        return float(max(middle.mean(), scatter[-1]))
 
     def _gusts(self, index: int) -> bool:
         """Whether pressure has been going to and fro lately."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 
@@ -45,6 +47,11 @@ class LevelledSignals:
 
     def __len__(self) -> int:
         return len(self.index)
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """All of them, in the order in which they make signals."""
+        return [getattr(self, name) for name in _SIGNALS]
 
     def head(self, count: int) -> LevelledSignals:
         """The first ``count`` samples."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
@@ -93,11 +94,9 @@ class Rests:
         self._last_index = int(signals.index[-1])
         # where a rest goes on after a gap, nobody knows what went on in it
         after_holes = set((holes + 1 - new).tolist())
-        edges = np.union1d(
-            np.flatnonzero(signals.still[1:] != signals.still[:-1]) + 1, [h for h in after_holes if h > 0]
-        )
-        edges = edges.astype(int)
-        for lo, hi in zip(np.concatenate(([0], edges)), np.concatenate((edges, [len(signals)])), strict=True):
+        turns = (np.flatnonzero(signals.still[1:] != signals.still[:-1]) + 1).tolist()
+        edges = sorted({0, *turns, *(h for h in after_holes if h > 0), len(signals)})
+        for lo, hi in itertools.pairwise(edges):
             if lo in after_holes:
                 self._close(int(signals.index[lo]))
             if signals.still[lo]:

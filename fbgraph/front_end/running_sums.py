@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.sensor_log import Stream
+
+AnyArray = NDArray[Any]
 
 
 class IntervalMean:
@@ -96,18 +102,54 @@ class WindowMoments:
             return values, values, np.empty(0, dtype=np.int64)
         if self._origin is None:
             self._origin = values[0].copy()  # sums of deviations keep their digits for days
-        centred = values - self._origin
-        both = np.concatenate((centred, centred**2), axis=1)
-        sums = np.cumsum(np.concatenate((self._sums[-1:], both)), axis=0)[1:]
-        history = np.concatenate((self._sums, sums))
-        now = np.arange(len(self._sums), len(history), dtype=np.int64)
-        then = np.maximum(now - self._window, 0)
-        count = now - then
-        moments = (sums - history[then]) / count[:, None]
+        known, end = len(self._sums), len(self._sums) + len(values)
+        history = np.empty((end, 2 * width))
+        history[:known] = self._sums
+        np.subtract(values, self._origin, out=history[known:, :width])
+        np.square(history[known:, :width], out=history[known:, width:])
+        sums = np.cumsum(history[known - 1 :], axis=0)[1:]
+        history[known:] = sums
+        if known == self._window:  # every window is full
+            count = np.full(len(values), known, dtype=np.int64)
+            moments = (sums - history[: len(values)]) / known
+        else:
+            now = np.arange(known, end, dtype=np.int64)
+            then = np.maximum(now - self._window, 0)
+            count = now - then
+            moments = (sums - history[then]) / count[:, None]
         mean = moments[:, :width]
         variance = np.maximum(moments[:, width:] - mean**2, 0.0)
         self._sums = history[-self._window :]
         return mean + self._origin, variance, count
+
+
+class Latest:
+    """The latest rows of some arrays that grow at their ends; what is kept of them is copied now and then only."""
+
+    def __init__(self) -> None:
+        """None yet."""
+        self._room: list[AnyArray] = []
+        self._end = 0
+
+    def extend(self, arrays: Sequence[AnyArray], keep: int) -> list[AnyArray]:
+        """Take the next rows, as many of each array; returns them after the last ``keep`` of those before.
+
+        Args:
+            arrays: the same ones in the same order every time.
+            keep: rows.
+        """
+        count, kept = len(arrays[0]), min(self._end, keep)
+        if not self._room or self._end + count > len(self._room[0]):
+            # what was given away stays as it is: these are others
+            room = [np.empty((kept + count + keep, *more.shape[1:]), dtype=more.dtype) for more in arrays]
+            for new, old in zip(room, self._room, strict=False):
+                new[:kept] = old[self._end - kept : self._end]
+            self._room, self._end = room, kept
+        begin, start = self._end - kept, self._end
+        self._end = end = start + count
+        for whole, more in zip(self._room, arrays, strict=True):
+            whole[start:end] = more
+        return [whole[begin:end] for whole in self._room]
 
 
 def interp_columns(at_s: FloatArray, t_s: FloatArray, values: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from fbgraph.core.config import StepsConfig
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rhythm import FRAME_S, Frames, Rhythm, no_frames
-from fbgraph.front_end.running_sums import WindowMoments
+from fbgraph.front_end.running_sums import Latest, WindowMoments
 from fbgraph.front_end.step_track import FIRST_LOOK_BACK_S, LOOK_BACK_S, Peak
 
 _WOBBLE_WINDOW_S, _WOBBLE_STEP_S = 2.0, 0.1
@@ -94,12 +94,14 @@ class StepDetector:
         mean, variance, _ = self._window.push(smooth)
         sigma = np.sqrt(variance)
         threshold = mean + self._config.lambda_sigma * sigma
-        past = self._past.extend(signals, smooth, threshold, sigma, self._rhythm.push(signals))
+        past, known = self._past, len(self._past.index)
+        past.extend(signals, smooth, threshold, sigma, self._rhythm.push(signals))
         runs: list[list[Peak]] = []
-        value = past.smooth
         # the last sample waits for its successor, so each is judged once, with one sample of delay
-        peak = (value[1:-1] > value[:-2]) & (value[1:-1] >= value[2:]) & (value[1:-1] > past.threshold[1:-1])
-        at_peaks = np.flatnonzero(np.where(past.slow[1:-1], peak[:, 1], peak[:, 0])) + 1
+        begin = max(known - 2, 0)
+        value, slow = past.smooth[begin:], past.slow[begin + 1 : -1]
+        peak = (value[1:-1] > value[:-2]) & (value[1:-1] >= value[2:]) & (value[1:-1] > past.threshold[begin + 1 : -1])
+        at_peaks = np.flatnonzero(np.where(slow, peak[:, 1], peak[:, 0])) + begin + 1
         for at in at_peaks[past.index[at_peaks] > past.judged].tolist():
             now = int(past.index[at])
             runs += self._begun(self._after_silence(now) + self._judge(at, past), now)
@@ -312,24 +314,23 @@ class _Past:
         self.frames, self.steady = no_frames(), np.empty(0)
         self.judged = -1
         self._steady = 0.0
+        self._frame_slow = np.zeros(1, dtype=np.bool_)
+        self._latest = Latest()
 
     def extend(
         self, signals: LevelledSignals, smooth: FloatArray, threshold: FloatArray, sigma: FloatArray, frames: Frames
-    ) -> _Past:
-        self.index = np.concatenate((self.index, signals.index))
-        self.smooth = np.concatenate((self.smooth, smooth))
-        self.threshold = np.concatenate((self.threshold, threshold))
-        self.sigma = np.concatenate((self.sigma, sigma))
-        self.yaw = np.concatenate((self.yaw, signals.yaw_gyro_rad))
-        self.level = np.concatenate((self.level, signals.acc_n_m_s2[:, :2]))
-        self.tilt_rate = np.concatenate((self.tilt_rate, signals.tilt_rate_rad_s))
+    ) -> None:
         if len(frames):
             self.frames = Frames.concatenate([self.frames, frames])
             self.steady = np.concatenate((self.steady, self._steadiness(frames)))
-        slow = self.frames.single & (self.frames.period_s > _SLOW_S) & (self.frames.strength > _FILLED)
-        at = np.searchsorted(self.frames.index, signals.index, side="right") - 1
-        self.slow = np.concatenate((self.slow, (at >= 0) & np.append(slow, False)[at]))
-        return self
+            slow = self.frames.single & (self.frames.period_s > _SLOW_S) & (self.frames.strength > _FILLED)
+            self._frame_slow = np.append(slow, False)  # the last for what comes before all frames
+        slow = self._frame_slow[np.searchsorted(self.frames.index, signals.index, side="right") - 1]
+        level, yaw, tilt_rate = signals.acc_n_m_s2[:, :2], signals.yaw_gyro_rad, signals.tilt_rate_rad_s
+        more = (signals.index, smooth, threshold, sigma, yaw, level, tilt_rate, slow)
+        (self.index, self.smooth, self.threshold, self.sigma, self.yaw, self.level, self.tilt_rate, self.slow) = (
+            self._latest.extend(more, len(self.index))
+        )
 
     def _steadiness(self, frames: Frames) -> FloatArray:
         """(N,) seconds since the swing began to repeat itself with every stride."""
@@ -384,3 +385,4 @@ class _Past:
         self.slow, self.level = self.slow[-count:], self.level[-count:]
         if len(self.frames) > 2 * _FRAMES_KEPT:
             self.frames, self.steady = self.frames.tail(_FRAMES_KEPT), self.steady[-_FRAMES_KEPT:]
+            self._frame_slow = self._frame_slow[-_FRAMES_KEPT - 1 :]

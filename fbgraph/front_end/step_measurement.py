@@ -13,6 +13,7 @@ from fbgraph.front_end.climb import ClimbGauge
 from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
+from fbgraph.front_end.running_sums import Latest
 from fbgraph.front_end.step_length import flat_length_m
 from fbgraph.front_end.step_track import FIRST_LOOK_BACK_S, LOOK_BACK_S, Peak, Step
 
@@ -30,6 +31,7 @@ class StepGauge:
         self._length = length
         self._rate_hz = rate_hz
         self._signals: LevelledSignals | None = None
+        self._latest = Latest()
         self._rests = Rests(rate_hz, settle_s)
         self._climb = ClimbGauge(length, rate_hz)
         self._gait = GaitDirection()
@@ -41,9 +43,8 @@ class StepGauge:
         """Take the next signals, before the peaks found in them."""
         self._rests.push(signals)
         self._climb.push(signals)
-        known = signals if self._signals is None else LevelledSignals.concatenate([self._signals, signals])
         back_s = LOOK_BACK_S if self._last_end is not None else FIRST_LOOK_BACK_S
-        self._signals = known.tail(int(back_s * self._rate_hz) + len(signals))
+        self._signals = LevelledSignals(*self._latest.extend(signals.arrays, int(back_s * self._rate_hz)))
 
     def measure(self, run: list[Peak]) -> list[Step]:
         """The steps of a run, the standing start before the very first of all."""

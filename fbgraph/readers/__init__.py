@@ -1,31 +1,29 @@
 """Readers: from a file, folder or zip to one walk's samples, its format found by content or named by ``--format``.
 
 Formats whose lines are tagged have a module of their own, with ``FORMAT``, ``detects(head) -> bool`` and
-``read(text) -> RawLog``: write it and name it in ``TAGGED``. All others are tables: ``readers.decide`` says what their
-columns are (names propose, physics decides), ``readers.apply_layout`` reads them so; an app whose names mislead is one
-entry in ``readers.app_layouts``, and one in ``readers.formats`` to be listed.
+``read(text) -> RawLog``: write it and name it in ``readers.tagged``. All others are tables: ``readers.decide`` says
+what their columns are (names propose, physics decides), ``readers.apply_layout`` reads them so; an app whose names
+mislead is one entry in ``columns.app_layouts``, and one in ``readers.formats`` to be listed.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.readers.apply_layout import apply_layout
 from fbgraph.readers.cleaning import LogFile, RawLog, assemble
-from fbgraph.readers.decide import Reading, decide
+from fbgraph.readers.decide import decide
 from fbgraph.readers.formats import TABLE_FORMATS, LogFormat
 from fbgraph.readers.layout import Layout, read_layout
+from fbgraph.readers.reading import Reading
+from fbgraph.readers.tagged import TAGGED, reader_of, tagged_reader
 from fbgraph.readers.truth_columns import truth_of
 from fbgraph.tables import nothing_in, tables_of
 from fbgraph.tables.log_text import LogText
 from fbgraph.tables.members import members
 from fbgraph.tables.table import Table
 
-TAGGED = ("getsensordata", "indoor_location")
-"""Formats with a reader of their own, in the order in which detection asks them."""
 FORMATS = (*TAGGED, *(known.name for known in TABLE_FORMATS))
 """Names that ``--format`` takes; those of tables are all read alike."""
 SAVED_LAYOUT = "layout.toml"
@@ -40,7 +38,7 @@ def log_format(name: str) -> LogFormat:
         ConfigError: there is none.
     """
     if name in TAGGED:
-        found: LogFormat = _reader(name).FORMAT
+        found: LogFormat = reader_of(name).FORMAT
         return found
     known = next((known for known in TABLE_FORMATS if known.name == name), None)
     if known is None:
@@ -120,11 +118,12 @@ def _contents(
     tables: list[Table] = []
     for member in found:
         head = member.text.head(_HEAD_CHARS)
-        name = next((name for name in asked if _reader(name).detects(head)), None)
+        found_reader = tagged_reader(head, asked)
+        name = None if found_reader is None else found_reader.FORMAT.name
         if name is None and format_name in TAGGED and not found.many:
             name = format_name
         if name is not None:
-            raw: RawLog = _reader(name).read(member.text)
+            raw: RawLog = reader_of(name).read(member.text)
             _note_long_lines(raw, member.text)
             return (name, raw), [], found.left_out
         if some := tables_of(member):
@@ -144,7 +143,3 @@ def _layout_beside(path: Path) -> Layout | None:
     """How the raw lines of a live walk were read while it went on."""
     beside = path.with_name(SAVED_LAYOUT)
     return read_layout(beside) if path.name == "raw.csv" and beside.is_file() else None
-
-
-def _reader(name: str) -> ModuleType:
-    return import_module(f"fbgraph.readers.{name}")

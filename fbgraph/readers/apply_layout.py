@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fbgraph.columns.clock_times import Clock, RunningClock, clock_ns
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
-from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, drop_repeats
-from fbgraph.readers.clock_times import Clock, RunningClock, clock_ns
-from fbgraph.readers.decide import values_of, whole_rows
+from fbgraph.core.nanoseconds import MAX_T_NS
+from fbgraph.readers.cleaning import LIMITS, RawLog, RawStream, drop_repeats
 from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout
 from fbgraph.readers.restarts import continue_restarts, little_disorder
 from fbgraph.tables.table import Table
@@ -147,7 +147,7 @@ def find_column(table: Table, name: str, source: object) -> int:
 
 def stream_values(table: Table, stream: StreamLayout, source: object) -> FloatArray:
     """(N, D) values of a sensor in SI, along the device's axes."""
-    values = values_of(table, [find_column(table, name, source) for name in stream.columns]) * stream.scale
+    values = table.numbers([find_column(table, name, source) for name in stream.columns]) * stream.scale
     return values if values.shape[1] == 1 else values @ stream.rotation.T
 
 
@@ -203,7 +203,7 @@ def _gravity(
 ) -> FloatArray:
     """(N, 3) gravity at some moments, in the columns' own axes."""
     table = tables[find_table(tables, stream.table, source)]
-    values = values_of(table, [find_column(table, name, source) for name in stream.columns]) * stream.scale
+    values = table.numbers([find_column(table, name, source) for name in stream.columns]) * stream.scale
     its_ns = clock_ns(table, clock_of(table, layout, source))
     good = np.isfinite(values).all(axis=1) & (np.abs(its_ns) <= MAX_T_NS)
     if not good.any():
@@ -224,10 +224,10 @@ def _usable(
     sound: BoolArray = np.abs(t_ns) <= MAX_T_NS
     for name, stream in streams:
         if name in ("acc", "gyro"):
-            values = values_of(table, [find_column(table, column, source) for column in stream.columns])
+            values = table.numbers([find_column(table, column, source) for column in stream.columns])
             with np.errstate(over="ignore"):
                 sound &= ~(np.abs(values * stream.scale) > LIMITS[name]).any(axis=1)
-    return whole_rows(table, layout.row_widths), sound
+    return table.whole(layout.row_widths), sound
 
 
 def _texts(table: Table, column: int) -> list[tuple[int, str]]:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fbgraph.columns.column_names import CANONICAL
 from fbgraph.core.geometry import IntArray
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
-from fbgraph.readers.column_names import CANONICAL
 
 _COLUMNS = {"acc": (1, STANDARD_GRAVITY_M_S2), "gyro": (4, DEGREE_RAD), "mag": (7, 1.0), "pressure": (10, 1.0)}
 _MS_NS = 1_000_000

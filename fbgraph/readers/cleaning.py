@@ -12,10 +12,11 @@ import numpy as np
 from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.core.sensor_log import Event, SensorLog, Stream
 
 if TYPE_CHECKING:
-    from fbgraph.readers.decide import Reading
+    from fbgraph.readers.reading import Reading
 
 MIN_DURATION_S = 1.0
 MIN_SAMPLES = 10
@@ -24,7 +25,6 @@ LONG_GAP_S = 1.0
 STRAY_GAP_S, STRAY_SAMPLES = 2.0, 5  # fewer samples than this, further than this from all others: garbled times
 _FAR_NS = 1_000_000_000
 SPLIT_GAP_S = 172_800.0  # nobody's walk has such a hole: the clock was set, or two logs were joined
-MAX_T_NS = 4 * 10**18  # the year 2096 in Unix time; differences of two such times still fit in an int64
 GRAVITY_M_S2 = (3.0, 30.0)  # where the median |acc| of a walk must lie, whatever the calibration
 
 _SENSORS = {"acc": "accelerometer", "gyro": "gyroscope", "mag": "magnetometer", "pressure": "barometer"}
@@ -49,21 +49,33 @@ class RawStream:
 
 @dataclass
 class RawLog:
-    """What a reader found, before cleaning. ``truth`` is on the event clock, in seconds."""
+    """What a reader found, before cleaning.
+
+    ``truth`` is on the event clock, in seconds; ``gnss`` are the log's own fixes, as ``readers.places`` gives them.
+    """
 
     streams: dict[str, RawStream] = field(default_factory=dict)
     events: list[tuple[int, str]] = field(default_factory=list)
     truth: Checkpoints | None = None
+    gnss: Checkpoints | None = None
     notices: list[str] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class LogFile:
-    """A log, the truth that it also carried (only scoring may look at it), and how its tables were read."""
+    """A log, and what else its file carried.
+
+    Attributes:
+        log: the walk.
+        truth: surveyed places; only scoring may look at them.
+        gnss: what a receiver found meanwhile, as ``readers.places`` gives it; anchors if the user wants, else truth.
+        reading: how its tables were read; None where its format tells.
+    """
 
     log: SensorLog
     truth: Checkpoints | None
+    gnss: Checkpoints | None = None
     reading: Reading | None = None
 
 
@@ -72,24 +84,6 @@ def log_name(path: Path) -> str:
     name = path.name.removesuffix(".gz")
     stem = Path(name).stem or name
     return stem if stem.strip(".") else "walk"
-
-
-def to_ns(t: FloatArray | IntArray, tick_ns: int) -> IntArray:
-    """Times in ticks of ``tick_ns`` as int64 nanoseconds (N,), exact for integers.
-
-    Floats that cannot hold a nanosecond (Unix seconds) are rounded to the microsecond, which gives back the decimals
-    that were written. Times that no clock can show become ``MAX_T_NS + 1``, which cleaning drops.
-    """
-    most = MAX_T_NS // tick_ns
-    possible = (t >= -most) & (t <= most)  # False for nan
-    t = np.where(possible, t, 0)
-    if t.dtype.kind == "i":
-        t_ns = t * tick_ns
-    else:
-        coarse = np.abs(t) * tick_ns > 2.0**52
-        t_ns = np.round(t * tick_ns).astype(np.int64)
-        t_ns = np.where(coarse, np.round(t * (tick_ns / 1000)).astype(np.int64) * 1000, t_ns)
-    return np.where(possible, t_ns, MAX_T_NS + 1).astype(np.int64)
 
 
 def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None = None) -> LogFile:
@@ -135,7 +129,7 @@ def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None 
         counts=counts,
         **streams,
     )
-    return LogFile(log, raw.truth, reading)
+    return LogFile(log, raw.truth, raw.gnss, reading)
 
 
 def _count(counts: dict[str, int], reason: str, number: int) -> None:

@@ -6,60 +6,28 @@ A file, a folder and the first lines of a live walk are decided by the same rule
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
+from fbgraph.columns.choosing import choose
+from fbgraph.columns.clock_times import Clock, clock_ns
+from fbgraph.columns.clocks import find_clock
+from fbgraph.columns.column_names import guess_columns
+from fbgraph.columns.guesses import Chosen, Guess, Pick
+from fbgraph.columns.units import UNITS, shown
 from fbgraph.core.errors import DataError
-from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.core.geometry import IntArray
+from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.core.sensor_log import Stream
-from fbgraph.readers.choosing import Chosen, Pick, choose
-from fbgraph.readers.cleaning import MAX_T_NS
-from fbgraph.readers.clock_times import Clock, clock_ns
-from fbgraph.readers.clocks import find_clock
-from fbgraph.readers.column_names import Guess, guess_columns
+from fbgraph.physics.judge_sensors import judge_sensors
+from fbgraph.physics.judgement import Judged, Judgement
 from fbgraph.readers.formats import format_of
-from fbgraph.readers.judge_sensors import Judged, judge_sensors
-from fbgraph.readers.judgement import Judgement
 from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout, axes_of
-from fbgraph.readers.units import UNITS, shown
+from fbgraph.readers.reading import Reading
 from fbgraph.tables.table import Table
 
 SENSORS = ("acc", "gyro", "mag", "pressure")
 _COMMON_SHARE = 0.01  # of rows, from which a shorter one is a habit of the logger, not a line cut short
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How a log was read, and why.
-
-    Attributes:
-        layout: what was decided.
-        guesses: of each table, what its columns may be.
-        chosen: which of them are used.
-        judged: units, signs and axes by physics.
-        clocks: of each table in use, by its place.
-        notices: what people should know.
-    """
-
-    layout: Layout
-    guesses: tuple[tuple[Guess, ...], ...]
-    chosen: Chosen
-    judged: Judged
-    clocks: Mapping[int, Clock] = field(default_factory=dict)
-    notices: tuple[str, ...] = ()
-
-    @property
-    def sure(self) -> bool:
-        """Whether nothing was left to assume, so that more of the log would decide no otherwise."""
-        found = (self.judged.acc, self.judged.gyro, self.judged.mag, self.judged.pressure)
-        return self.judged.axes_told and all(judgement is None or judgement.sure for judgement in found)
-
-    @classmethod
-    def as_told(cls, tables: Sequence[Table], layout: Layout) -> Reading:
-        """Nothing is decided where a layout says everything."""
-        named = Judgement(1.0, "", "name", True)
-        return cls(layout, tuple(() for _ in tables), Chosen({}), Judged(named, named))
 
 
 def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None) -> Reading:
@@ -156,24 +124,10 @@ def _ends_a_sensor(best: Mapping[int, Guess], width: int) -> bool:
     return not (same and after.axis not in ("", "x"))
 
 
-def whole_rows(table: Table, widths: Sequence[int]) -> BoolArray:
-    """(N,) which rows have all fields, or as many as the layout allows."""
-    if table.widths is None:
-        return np.ones(len(table), dtype=bool)
-    whole: BoolArray = np.isin(table.widths, (len(table.columns), *widths))
-    return whole
-
-
-def values_of(table: Table, columns: Sequence[int]) -> FloatArray:
-    """(N, D) numbers of some columns; nan where there is none."""
-    arrays = [table.columns[i].values for i in columns]
-    return np.column_stack([np.full(len(table), np.nan) if a.dtype == object else a.astype(float) for a in arrays])
-
-
 def _samples(table: Table, pick: Pick, t_ns: IntArray, widths: Sequence[int]) -> Stream:
     """What a pick's columns hold, in order of time, with the signs that its app is known to need."""
-    values = values_of(table, pick.columns)
-    good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS) & whole_rows(table, widths)
+    values = table.numbers(pick.columns)
+    good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS) & table.whole(widths)
     t, values = t_ns[good], values[good] * np.array(pick.signs)
     if len(t) and not (np.diff(t) > 0).all():
         t, first = np.unique(t, return_index=True)

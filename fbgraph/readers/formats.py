@@ -24,7 +24,7 @@ class LogFormat:
         example: a few lines of such a log.
         preset: the configuration for devices that write it.
         tested: on what its reading was tried: ``real logs``, or ``examples`` made after its documentation.
-        app: as ``readers.app_layouts`` knows it; "" if its names need no explaining.
+        app: as ``columns.app_layouts`` knows it; "" if its names need no explaining.
         columns: names that its tables have, where they tell it from others.
     """
 

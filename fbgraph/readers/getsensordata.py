@@ -16,7 +16,8 @@ import numpy as np
 
 from fbgraph.core.checkpoints import IPIN_SIGMA_M, Checkpoints, checkpoints
 from fbgraph.core.georeference import Georeference
-from fbgraph.readers.cleaning import RawLog, RawStream, to_ns
+from fbgraph.core.nanoseconds import to_ns
+from fbgraph.readers.cleaning import RawLog, RawStream
 from fbgraph.readers.formats import LogFormat
 from fbgraph.tables.log_text import MOST_LINES, LogText, log_text
 

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from fbgraph.core.checkpoints import checkpoints
-from fbgraph.readers.cleaning import MAX_T_NS, RawLog, RawStream
+from fbgraph.core.nanoseconds import MAX_T_NS
+from fbgraph.readers.cleaning import RawLog, RawStream
 from fbgraph.readers.formats import LogFormat
 from fbgraph.tables.log_text import MOST_LINES, LogText, log_text
 

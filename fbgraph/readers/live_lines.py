@@ -17,8 +17,9 @@ from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Event, SensorLog, Stream, empty_stream
 from fbgraph.readers.apply_layout import LayoutReader
 from fbgraph.readers.cleaning import LIMITS, MIN_PRESSURE_HPA
-from fbgraph.readers.decide import Reading, decide
+from fbgraph.readers.decide import decide
 from fbgraph.readers.formats import M5STICKC
+from fbgraph.readers.reading import Reading
 from fbgraph.tables.dialect import LATEST_HEADER, Dialect, find_dialect
 from fbgraph.tables.table import Table
 

@@ -10,9 +10,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+from fbgraph.columns.column_names import names_accelerometer
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.safe_text import is_number
-from fbgraph.readers.column_names import names_accelerometer
 
 _POLL_S = 0.2  # how soon a source notices that it should stop
 _CHUNK = 65536

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fbgraph.columns.choosing import TRUTH
+from fbgraph.columns.clock_times import clock_ns
+from fbgraph.columns.clocks import find_clock
+from fbgraph.columns.column_names import guess_columns
+from fbgraph.columns.guesses import Chosen
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.geometry import FloatArray
-from fbgraph.readers.choosing import TRUTH, Chosen
-from fbgraph.readers.clock_times import clock_ns
-from fbgraph.readers.clocks import find_clock
-from fbgraph.readers.column_names import guess_columns
-from fbgraph.readers.decide import values_of
 from fbgraph.tables.table import Table
 
 _EVERY_NS = 500_000_000  # a score at every sample of a motion capture says no more than two a second
@@ -31,7 +31,7 @@ def truth_of(tables: Sequence[Table], chosen: Chosen, source: object) -> Checkpo
         return None
     table = tables[picks[0].table]
     t_ns = clock_ns(table, find_clock(table, guess_columns(table, ())))
-    places = values_of(table, [pick.columns[0] for pick in picks])
+    places = table.numbers([pick.columns[0] for pick in picks])
     good = np.flatnonzero(np.isfinite(places).all(axis=1))
     good = good[np.argsort(t_ns[good], kind="stable")]
     _, first = np.unique(t_ns[good] // _EVERY_NS, return_index=True)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from fbgraph.core.checkpoints import anchor_breadcrumbs
+from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs
 from fbgraph.core.geometry import FloatArray, turned, wrap_angle
 from fbgraph.run.altitude_findings import altitude_findings
 from fbgraph.run.device_findings import device_findings
@@ -16,6 +18,7 @@ from fbgraph.run.walk_result import WalkResult
 _PAUSE_S = 3.0  # walking without a step for longer is told
 _SLOW, _FAST = 0.7, 1.4  # of the usual step frequency
 _SAME_HEIGHT_M = 0.5  # passes of one place that differ by more in altitude are told
+_FIXES_NAMED = 4  # GNSS anchors that are told one by one
 _MOST = 5  # stretches of one kind that are told
 
 
@@ -112,12 +115,14 @@ def _places(result: WalkResult) -> list[Finding]:
         kind.name: dict(zip(kind.k.tolist(), kind.weight.tolist(), strict=True)) for kind in result.smoothed.residuals
     }
     told: list[tuple[str, int, FloatArray]] = []
-    if (anchors := result.aids.anchors) is not None:
+    found: list[Finding] = []
+    if (anchors := result.aids.anchors) is not None and anchors.gnss and len(anchors) > _FIXES_NAMED:
+        found.append(_fixes(result, anchors, weights.get("anchor", {})))
+    elif anchors is not None:
         crumbs = anchor_breadcrumbs(anchors, track.t_s).tolist()
         told += [("anchor", k, place) for k, place in zip(crumbs, anchors.xy_m, strict=True)]
     if result.told.closed_walk and not any(reason.kind == "closed_walk" for reason in result.smoothed.doubts):
         told.append(("closed walk", len(smoothed) - 1, smoothed.xy_m[0]))
-    found = []
     if closures := result.smoothed.closures:
         doubted = result.smoothed.closures_doubted
         both = [np.median([np.hypot(*(path[c.i] - path[c.j])) for c in closures]) for path in (smoothed.xy_m, free)]
@@ -138,6 +143,18 @@ def _places(result: WalkResult) -> list[Finding]:
             text += "; doubted, the walk was pulled less than half as far as it asked"
         found.append(Finding(name.replace(" ", "_"), at_s, at_s, text))
     return found
+
+
+def _fixes(result: WalkResult, fixes: Checkpoints, weights: Mapping[int, float]) -> Finding:
+    """One sentence on many fixes of a receiver."""
+    smoothed, crumbs = result.smoothed.trajectory, anchor_breadcrumbs(fixes, result.track.t_s)
+    off_m = np.hypot(*(smoothed.xy_m[crumbs] - fixes.xy_m).T)
+    doubted = sum(weights.get(k, 1.0) < DOUBTED_BELOW for k in crumbs.tolist())
+    text = (
+        f"{len(fixes)} GNSS fixes: the smoothed walk is {float(np.median(off_m)):.1f} m from them (median, at most "
+        f"{float(off_m.max()):.1f} m), {doubted} of them doubted"
+    )
+    return Finding("anchor", float(fixes.t_s[0]), float(fixes.t_s[-1]), text)
 
 
 def _truth(result: WalkResult) -> list[Finding]:

@@ -8,18 +8,21 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from fbgraph.core.config import Config, dump_toml
 from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.tables import read_text
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.tum_files import write_tum
 from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
 from fbgraph.run.digests import DIGESTS, SUMMARY, noted_digests
 from fbgraph.run.inputs import RunInputs
+from fbgraph.run.scores import score_label
+from fbgraph.run.truth_rows import TRUTH, write_truth_tum
 from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.records import ReturnUpdate
 
@@ -29,7 +32,7 @@ RETURNS = "return.csv"
 RAW = "raw.csv"
 RUN_FILES = {
     *(f"{name}.tum" for name in ("pdr", "ekf", "smoothed", "online")),
-    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", RAW, RETURNS),
+    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", RAW, RETURNS, TRUTH),
 }
 
 
@@ -157,6 +160,7 @@ def write_tables(result: WalkResult, folder: Path, summary: dict[str, Any]) -> N
         write_tum(folder / f"{name}.tum", trajectory, result.log.t0_s)
     if "smoothed" not in result.failed:
         write_breadcrumbs(folder / "breadcrumbs.csv", result.smoothed.trajectory, result.log.t0_s)
+    _write_truth(result, folder)
     if result.returning:
         write_returns(folder / RETURNS, result.returning, result.log.t0_s)
     (folder / "config.toml").write_text(dump_toml(result.config), "utf-8")
@@ -164,12 +168,23 @@ def write_tables(result: WalkResult, folder: Path, summary: dict[str, Any]) -> N
     (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
 
 
-def write_breadcrumbs(path: Path, trajectory: Trajectory, t0_s: float) -> None:
-    """One row a breadcrumb, covariances in the world frame, ``t_s`` on the format's event clock."""
+def _write_truth(result: WalkResult, folder: Path) -> None:
+    """Truth in the frame of the walk to believe, if there is enough of it to score one."""
+    truth, t0_s = result.told.truth, result.log.t0_s
+    if truth is None or len(truth) < 2:
+        return
+    start_s, end_s = result.log.span_s
+    _, alignment = score_label(result.best, result.told.anchors is not None, result.told.closed_walk)
+    walk = result.trajectories[result.best].since(-t0_s)
+    write_truth_tum(folder / TRUTH, result.best, walk, truth, alignment, (start_s + t0_s, end_s + t0_s))
+
+
+def breadcrumb_columns(trajectory: Trajectory, t0_s: float) -> tuple[IntArray | FloatArray, ...]:
+    """The columns of ``BREADCRUMB_HEADER``, nan where the estimator says nothing; times as ``write_breadcrumbs``."""
     count = len(trajectory)
     cov = trajectory.cov_xy_yaw if trajectory.cov_xy_yaw is not None else np.full((count, 3, 3), np.nan)
     sigma_z = trajectory.sigma_z_m if trajectory.sigma_z_m is not None else np.full(count, np.nan)
-    columns = (
+    return (
         np.arange(count),
         trajectory.t_s + t0_s,
         trajectory.x_m,
@@ -183,9 +198,13 @@ def write_breadcrumbs(path: Path, trajectory: Trajectory, t0_s: float) -> None:
         sigma_z,
         np.sqrt(cov[:, 2, 2]),
     )
+
+
+def write_breadcrumbs(out: Path | BinaryIO, trajectory: Trajectory, t0_s: float) -> None:
+    """One row a breadcrumb, covariances in the world frame, ``t_s`` on the format's event clock."""
     np.savetxt(
-        path,
-        np.column_stack(columns),
+        out,
+        np.column_stack(breadcrumb_columns(trajectory, t0_s)),
         fmt=["%d", "%.6f"] + ["%.6f"] * 4 + ["%.9f"] + ["%.6f"] * 5,
         delimiter=",",
         header=BREADCRUMB_HEADER,

@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from fbgraph.core.errors import DataError
+from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference
+from fbgraph.core.gnss_fixes import require_gnss_use
 
 _PIPED = "piped"
 """What of truth and anchors was a pipe: a run without them would be another one."""
@@ -28,6 +29,7 @@ class RunInputs:
         until_s: seconds since log start at which a replay was stopped; None if it was not.
         max_size: bytes of the log's text that may be read; None for what any walk keeps within.
         forced: the smoothed walk is wanted even where its own check withholds it.
+        use_gnss: which of the log's own fixes are anchors: one of ``gnss_fixes.GNSS_USES``.
     """
 
     log: str | None = None
@@ -40,6 +42,7 @@ class RunInputs:
     until_s: float | None = None
     max_size: int | None = None
     forced: bool = False
+    use_gnss: str = "none"
 
     @staticmethod
     def of(
@@ -51,8 +54,15 @@ class RunInputs:
         origin: Georeference | None = None,
         max_size: int | None = None,
         forced: bool = False,
+        use_gnss: str = "none",
     ) -> RunInputs:
-        """What somebody named; paths are kept so that they hold from anywhere."""
+        """What somebody named; paths are kept so that they hold from anywhere.
+
+        Raises:
+            ConfigError: GNSS is to be used in a way that there is not, or beside other anchors.
+        """
+        if require_gnss_use(use_gnss) != "none" and anchors is not None:
+            raise ConfigError("--use-gnss makes anchors of the log's fixes: leave out --anchors")
         return RunInputs(
             log=_lasting(log),
             format=format_name,
@@ -62,6 +72,7 @@ class RunInputs:
             origin=None if origin is None else (origin.lat_deg, origin.lon_deg),
             max_size=max_size,
             forced=forced,
+            use_gnss=use_gnss,
         )
 
     @staticmethod
@@ -97,6 +108,8 @@ class RunInputs:
             del noted["max_size"]
         if not self.forced:
             del noted["forced"]
+        if self.use_gnss == "none":
+            del noted["use_gnss"]
         if self.origin is not None:
             noted["origin"] = list(self.origin)
         if self.online_chunk_s is None:

@@ -15,6 +15,7 @@ from fbgraph.core.trajectory import Trajectory
 from fbgraph.way_back.turns import MIN_TURN_RAD, Turn, find_turns
 
 Alignment = Literal["start", "rigid", "none"]
+_LEG_M, _LEG_SIGMAS = 2.0, 8.0
 _MOST_M = 1e8  # any frame on Earth lies within
 _TURN_STEPS, _TURN_RAD = 3.0, float(np.radians(30.0))  # how near a found turn must be to be the true one
 
@@ -140,13 +141,18 @@ class LegErrors:
     yaw_rad: FloatArray
 
 
-def leg_errors(trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, min_leg_m: float = 2.0) -> LegErrors:
+def leg_errors(
+    trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, min_leg_m: float | None = None
+) -> LegErrors:
     """Straight from checkpoint to checkpoint, estimated against true; arguments as in ``checkpoint_errors``.
 
     Args:
         trajectory, truth, t0_s: as there.
-        min_leg_m: checkpoints closer to the one before are skipped: their direction is that of the survey's error.
+        min_leg_m: checkpoints closer to the one before are skipped: their direction is that of the survey's error; 2 m
+            if None, and eight standard deviations of a receiver's fixes.
     """
+    if min_leg_m is None:
+        min_leg_m = max(_LEG_M, _LEG_SIGMAS * float(np.median(truth.sigma_m))) if truth.gnss else _LEG_M
     t_s = truth.t_s - t0_s
     places = truth.xy_m
     chosen = [0]

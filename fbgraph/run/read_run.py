@@ -18,10 +18,10 @@ import numpy as np
 
 from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.config import Config, load_config
-from fbgraph.core.earth_field import EarthField, earth_field, walk_day
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.georeference import Georeference
+from fbgraph.core.place_clocks import LogClock, on_logs_clock
 from fbgraph.core.tables import read_numbers, read_text
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.tum_files import read_tum
@@ -171,23 +171,14 @@ def read_georeference(summary: dict[str, Any]) -> Georeference | None:
     return None if entry is None else Georeference(float(entry["lat_deg"]), float(entry["lon_deg"]))
 
 
-def unturned_field(run: SavedRun, estimator: str, where: Georeference | None) -> EarthField | None:
-    """The field by whose declination a trajectory must yet be turned to lie by true North; None where it does.
+def in_anchors_frame(run: SavedRun, estimator: str) -> bool:
+    """Whether a trajectory lies in the frame of the run's anchors, not in that of its compass."""
+    return estimator == "smoothed" and int(run.summary.get("anchors", 0)) > 1
 
-    That of a walk which was smoothed without a place, and so towards magnetic North, but can be placed now.
 
-    Args:
-        run, estimator: whose.
-        where: the run is, None if nobody knows.
-
-    Raises:
-        DataError: a damaged configuration.
-    """
-    in_their_frame = estimator == "smoothed" and run.summary.get("anchors", 0) > 1
-    if where is None or in_their_frame or run.read_config().device.declination_deg is not None:
-        return None
-    log = (run.summary.get("inputs") or {}).get("log")
-    return earth_field(where, walk_day(float(run.summary["log"]["t0_s"]), None if log is None else Path(log)))
+def knows_north(run: SavedRun, estimator: str) -> bool:
+    """Whether it is known where North is: by a compass, or by anchors."""
+    return in_anchors_frame(run, estimator) or run.summary["log"].get("samples", {}).get("mag", 1) > 0
 
 
 def read_directions(
@@ -205,10 +196,10 @@ def read_directions(
         DataError: a damaged configuration, or nothing in the run that leads anywhere.
     """
     summary, trajectory = run.summary, trajectory_of(run, estimator).turned(turned_rad)
-    anchored = estimator == "smoothed" and summary.get("anchors", 0) > 1  # in the anchors' own frame
-    compass = anchored or summary["log"].get("samples", {}).get("mag", 1) > 0
     name = f"{summary['log']['name']} ({estimator})"
-    way = directions_of(trajectory, read_events(summary), pace_m, run.read_config().graph, name, compass)
+    way = directions_of(
+        trajectory, read_events(summary), pace_m, run.read_config().graph, name, knows_north(run, estimator)
+    )
     return replace(way, integrity=Integrity.from_dict(summary.get("integrity")))
 
 
@@ -249,6 +240,20 @@ def _finite(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def on_its_clock(run: SavedRun, places: Checkpoints) -> Checkpoints:
+    """Places that a file told, on the clock of the run's log.
+
+    Raises:
+        DataError: they are of another walk, or on another clock.
+    """
+    log = run.summary["log"]
+    rates_hz = log.get("rates_hz")
+    rate_hz = rates_hz.get("acc") if isinstance(rates_hz, dict) else None
+    start_s = float(log["t0_s"])
+    rows_hz = float(rate_hz) if isinstance(rate_hz, int | float) else math.nan
+    return on_logs_clock(places, LogClock(start_s, start_s + float(log["duration_s"]), rows_hz))
+
+
 def score_run(run: SavedRun, truth: Checkpoints) -> dict[str, Any]:
     """Score every trajectory of a run; by estimator, as in ``summary.json``.
 
@@ -257,6 +262,7 @@ def score_run(run: SavedRun, truth: Checkpoints) -> dict[str, Any]:
     """
     scores, log = {}, run.summary["log"]
     log_s = (float(log["t0_s"]), float(log["t0_s"]) + float(log["duration_s"]))
+    truth = on_its_clock(run, truth)
     for name, trajectory in run.trajectories.items():
         label, alignment = score_label(name, bool(run.summary.get("anchors")), bool(run.summary.get("closed_walk")))
         scores[name] = score_entry(trajectory, truth, 0.0, label, alignment, log_s)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fbgraph import __version__
+from fbgraph.core.aids import Told
 from fbgraph.core.colors import LABELS
 from fbgraph.core.earth_field import declination_text
 from fbgraph.core.safe_text import MOST_NAME, for_markdown
@@ -65,9 +66,8 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "gyro_bias_deg_s": float(np.degrees(final.gyro_bias_rad_s[-1])),
         "rest_s": float(track.rest_s.sum()),
         "closed_walk": result.told.closed_walk,
-        "anchors": 0 if result.told.anchors is None else len(result.told.anchors),
+        **_places(result.told),
         "return": return_entry(result),
-        "truth": None if result.told.truth is None else result.told.truth.source,
         "estimators": estimators,
         "failed": dict(result.failed),
         "solver": {
@@ -84,6 +84,15 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "inputs": result.inputs.as_dict(),
         "findings": [asdict(finding) for finding in walk_findings(result)],
         "warnings": warnings(result),
+    }
+
+
+def _places(told: Told) -> dict[str, Any]:
+    """Known places: how many anchors there were, what the truth was, and what became of the log's own fixes."""
+    return {
+        "anchors": 0 if told.anchors is None else len(told.anchors),
+        "truth": None if told.truth is None else told.truth.label,
+        "gnss": None if told.gnss is None else told.gnss.as_dict(),
     }
 
 

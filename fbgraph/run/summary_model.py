@@ -114,6 +114,7 @@ class _Inputs(_Noted):
     until_s: _Seconds | None = None
     max_size: Annotated[int, Field(ge=1)] | None = None
     forced: bool = False
+    use_gnss: Literal["none", "start", "ends", "all"] = "none"
 
 
 class NotedRun(_Noted):

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from fbgraph.columns.column_names import CANONICAL
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
 from fbgraph.core.whole_writes import whole_file
-from fbgraph.readers.column_names import CANONICAL
 from fbgraph.simulator.routes import Route
 from fbgraph.simulator.simulate import SimulatedWalk, simulate
 from fbgraph.simulator.simulate_options import SimulateOptions

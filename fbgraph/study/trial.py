@@ -1,7 +1,7 @@
 """One trial of a data set: its table of sensors, ground truth, labels and the authors' outputs.
 
 Names and units of the columns come from ``DatasetConfig``; what is left open is judged by magnitude, and times, gaps
-and bad values are cleaned as in any log (``readers.judge_sensors``, ``readers.cleaning``).
+and bad values are cleaned as in any log (``physics.judge_sensors``, ``readers.cleaning``).
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fbgraph.columns.clock_times import Clock, clock_ns
+from fbgraph.columns.clocks import find_clock
+from fbgraph.columns.guesses import Guess
+from fbgraph.columns.units import UNITS, plain_text, unit_of
 from fbgraph.core.atmosphere import altitude_pressure_hpa
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.core.sensor_log import SensorLog, Stream
-from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, assemble, drop_repeats
-from fbgraph.readers.clock_times import Clock, clock_ns
-from fbgraph.readers.clocks import find_clock
-from fbgraph.readers.column_names import Guess
-from fbgraph.readers.judge_sensors import judge_sensors
-from fbgraph.readers.units import UNITS, plain_text, unit_of
+from fbgraph.physics.judge_sensors import judge_sensors
+from fbgraph.readers.cleaning import LIMITS, RawLog, RawStream, assemble, drop_repeats
 from fbgraph.study.column_names import ColumnsConfig, DatasetConfig
 from fbgraph.tables.table import Column
 from fbgraph.tables.table import Table as LogTable

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from fbgraph.core.geometry import IntArray
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,26 @@ class Table:
     widths: IntArray | None = None
     remarks: tuple[str, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
+
+    def numbers(self, columns: Sequence[int]) -> FloatArray:
+        """(N, D) numbers of some columns; nan where there is none.
+
+        Args:
+            columns: their places.
+        """
+        arrays = [self.columns[i].values for i in columns]
+        return np.column_stack([np.full(len(self), np.nan) if a.dtype == object else a.astype(float) for a in arrays])
+
+    def whole(self, widths: Sequence[int]) -> BoolArray:
+        """(N,) which rows have all fields, or as many as are allowed.
+
+        Args:
+            widths: other numbers of fields that a row may have.
+        """
+        if self.widths is None:
+            return np.ones(len(self), dtype=bool)
+        allowed: BoolArray = np.isin(self.widths, (len(self.columns), *widths))
+        return allowed
 
     def rows(self, order: IntArray) -> Table:
         """Some of its rows, in another order.

@@ -29,17 +29,32 @@ def format_directions(
         ConfigError: a map without an origin, or no such format.
     """
     if format_ in ("geojson", "gpx"):
-        if origin is None:
-            raise ConfigError(
-                f"{format_} needs latitude and longitude, and this run does not know its own: "
-                "name those of its start with --origin LAT,LON"
-            )
-        if not way.compass:
-            raise ConfigError(f"{format_}: the log has no magnetometer, so where North is nobody knows")
+        origin = require_map(format_, origin, way.compass)
         return as_gpx(way, origin, units) if format_ == "gpx" else as_geojson(way, origin, units)
     if format_ not in DIRECTION_FORMATS:
         raise ConfigError(f"unknown format {format_!r}: expected one of {', '.join(DIRECTION_FORMATS)}")
     return {"text": as_text, "json": as_json, "csv": as_csv}[format_](way, units)
+
+
+def require_map(format_: str, origin: Georeference | None, compass: bool) -> Georeference:
+    """The origin of what goes on a map.
+
+    Args:
+        format_: of the map.
+        origin: latitude and longitude, if known.
+        compass: whether it is known where North is.
+
+    Raises:
+        ConfigError: one of both is not.
+    """
+    if origin is None:
+        raise ConfigError(
+            f"{format_} needs latitude and longitude, and this run does not know its own: "
+            "name those of its start with --origin LAT,LON"
+        )
+    if not compass:
+        raise ConfigError(f"{format_}: the log has no magnetometer, so where North is nobody knows")
+    return origin
 
 
 def as_geojson(way: Directions, origin: Georeference, units: Units = "metric") -> str:
@@ -47,15 +62,15 @@ def as_geojson(way: Directions, origin: Georeference, units: Units = "metric") -
     features = []
     for row, leg in zip(leg_rows(way, units), way.legs, strict=True):
         del row["end_m"]  # the line says it
-        features.append(_feature("LineString", _lon_lat(origin, leg.points_m), {"kind": "leg", **row}))
+        features.append(feature("LineString", lon_lat(origin, leg.points_m), {"kind": "leg", **row}))
     for kind, point in (("start", way.points_m[0]), ("arrival", way.points_m[-1])):
         text = arrival_text(way) if kind == "arrival" else instructions(way, units)[0]
         properties: dict[str, Any] = {"kind": kind, "instruction": text}
         if kind == "start" and way.caution:
             properties["caution"] = " ".join(way.caution)
-        features.append(_feature("Point", _lon_lat(origin, [point])[0], properties))
+        features.append(feature("Point", lon_lat(origin, [point])[0], properties))
     for label, place in _landmarks(way):
-        features.append(_feature("Point", _lon_lat(origin, [place])[0], {"kind": "landmark", "label": label}))
+        features.append(feature("Point", lon_lat(origin, [place])[0], {"kind": "landmark", "label": label}))
     document = json.dumps({"type": "FeatureCollection", "features": features}, indent=1, ensure_ascii=False)
     return for_json(document) + "\n"
 
@@ -71,22 +86,22 @@ def as_gpx(way: Directions, origin: Georeference, units: Units = "metric") -> st
     corners = [leg.points_m[0] for leg in way.legs] + [way.points_m[-1]]
     route = xml.GPXRoute(name=f"{document.name}, {'back' if way.back else 'there'}")
     for number, (text, (lon, lat)) in enumerate(
-        zip(instructions(way, units), _lon_lat(origin, corners), strict=True), start=1
+        zip(instructions(way, units), lon_lat(origin, corners), strict=True), start=1
     ):
         route.points.append(xml.GPXRoutePoint(lat, lon, name=str(number), description=text))
     document.routes.append(route)
     track = xml.GPXTrack(name=route.name)
     track.segments.append(
-        xml.GPXTrackSegment([xml.GPXTrackPoint(lat, lon) for lon, lat in _lon_lat(origin, way.points_m)])
+        xml.GPXTrackSegment([xml.GPXTrackPoint(lat, lon) for lon, lat in lon_lat(origin, way.points_m)])
     )
     document.tracks.append(track)
     for label, place in _landmarks(way):
-        lon, lat = _lon_lat(origin, [place])[0]
+        lon, lat = lon_lat(origin, [place])[0]
         document.waypoints.append(xml.GPXWaypoint(lat, lon, name=for_xml(label)))
     return str(document.to_xml("1.1")) + "\n"
 
 
-def _lon_lat(origin: Georeference, points_m: Iterable[tuple[float, ...]]) -> list[list[float]]:
+def lon_lat(origin: Georeference, points_m: Iterable[tuple[float, ...]]) -> list[list[float]]:
     """[longitude, latitude] of world places, to a centimetre."""
     lat_lon_deg = origin.geodetic_deg(np.array([point[:2] for point in points_m]))
     return [[round(lon_deg, 7), round(lat_deg, 7)] for lat_deg, lon_deg in lat_lon_deg.tolist()]
@@ -104,5 +119,6 @@ def _landmarks(way: Directions) -> list[tuple[str, tuple[float, float]]]:
     return found
 
 
-def _feature(kind: str, coordinates: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
+def feature(kind: str, coordinates: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
+    """A GeoJSON feature."""
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}

@@ -17,7 +17,7 @@ from fbgraph.core.config import GraphConfig
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.core.verdict import MOST_TOLD, Integrity
+from fbgraph.core.verdict import Integrity, caution
 from fbgraph.way_back.turns import find_turns, leg_yaws
 
 _STEEP = 0.1  # a step that rises or falls by more of its length was shortened by the slope
@@ -118,10 +118,7 @@ class Directions:
     @property
     def caution(self) -> tuple[str, ...]:
         """What to know before following it, in a sentence each; nothing where the walk is sound."""
-        if self.integrity.verdict == "sound":
-            return ()
-        reasons = (reason.sentence for reason in self.integrity.reasons[:MOST_TOLD])
-        return (f"Do not rely on this way: its position is {self.integrity.verdict}.", *(f"{one}." for one in reasons))
+        return caution(self.integrity, "way")
 
     @property
     def length_m(self) -> float:

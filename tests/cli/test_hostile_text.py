@@ -179,6 +179,19 @@ def closed_pipe(*arguments: object) -> subprocess.CompletedProcess[bytes]:
     return done
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device here that is always full")
+def test_a_full_disk_behind_a_redirection_is_told_and_loses_no_file(log: Path, tmp_path: Path) -> None:
+    for arguments in (("formats",), ("smooth", log, "--out", tmp_path / "run", "--no-recording")):
+        command = [sys.executable, "-m", "fbgraph", *map(str, arguments)]
+        with open("/dev/full", "wb") as full:
+            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, check=False)
+        told = done.stderr.decode()
+        assert done.returncode == 1
+        assert told.count("standard output cannot be written (No space left on device)") == 1
+        assert "Traceback" not in told
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["steps"] > 20
+
+
 def test_a_pipe_that_closes_ends_quietly_and_loses_nothing(
     smoothed: tuple[Path, str], log: Path, tmp_path: Path
 ) -> None:

@@ -22,7 +22,8 @@ def test_smooth_writes_the_run_folder_and_says_what_it_found(walk: Path, tmp_pat
     out = tmp_path / "run"
     printed = fbgraph_process("smooth", walk, "--out", out, "--truth", walk.with_name("walk_truth.csv")).stdout
     assert {path.name for path in out.iterdir()} == {
-        *("pdr.tum", "ekf.tum", "smoothed.tum", "breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd")
+        *("pdr.tum", "ekf.tum", "smoothed.tum", "breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd"),
+        "truth.tum",
     }
     for word in ("steps", "turns", "altitude", "pdr", "ekf", "smoothed", "RMSE", "unaided", str(out)):
         assert word in printed

@@ -12,11 +12,12 @@ from fbgraph.core import bounded
 from fbgraph.core import checkpoints as module
 from fbgraph.core.aids import Told
 from fbgraph.core.bounded import CONFIG_BYTES, LONGEST_LINE, PLACES_BYTES
-from fbgraph.core.checkpoints import anchor_breadcrumbs, checkpoints, read_checkpoints
+from fbgraph.core.checkpoints import anchor_breadcrumbs, checkpoints
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference, along_ground_m
 from fbgraph.pipeline import reconstruct
+from fbgraph.readers.places import read_checkpoints
 from fbgraph.run.metrics import checkpoint_errors
 from fbgraph.run.summary import summarize
 from fbgraph.session import replay_log

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fbgraph.core.checkpoints import read_checkpoints
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference, parse_origin
+from fbgraph.readers.places import read_checkpoints
 
 NUREMBERG = Georeference(49.4613, 11.1110)
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fbgraph.core.aids import Aids, Told
-from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs, checkpoints, read_checkpoints
+from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs, checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.georeference import Georeference
+from fbgraph.readers.places import read_checkpoints
 
 NUREMBERG = Georeference(49.4613, 11.1110)
 

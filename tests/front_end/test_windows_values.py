@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fbgraph.core.geometry import FloatArray
-from fbgraph.front_end.running_sums import WindowMoments
+from fbgraph.front_end.running_sums import Latest, WindowMoments
 
 
 def one_by_one(values: FloatArray, window: int) -> tuple[FloatArray, FloatArray]:
@@ -44,3 +44,20 @@ def test_a_large_offset_costs_no_digits() -> None:
     variance = WindowMoments(1, 50).push(values + 1e6)[1]
     assert np.allclose(variance, one_by_one(values, 50)[1], rtol=1e-3, atol=1e-10)
     assert (WindowMoments(1, 50).push(np.full((500, 1), 1e6 + 0.1))[1] == 0.0).all()
+
+
+@pytest.mark.parametrize("keep", [0, 3, 7])
+def test_the_latest_rows_are_those_that_a_copy_of_all_would_hold(keep: int) -> None:
+    """In pieces of any size, of several arrays; and what was given away before is not written over."""
+    rng, latest = np.random.default_rng(3), Latest()
+    pieces = [rng.normal(size=(int(n), 2)) for n in rng.integers(0, 6, 60)]
+    given: list[tuple[FloatArray, FloatArray]] = []
+    known = np.empty((0, 2))
+    for piece in pieces:
+        known = np.concatenate((known[len(known) - min(len(known), keep) :], piece))
+        rows, first = latest.extend((piece, piece[:, 0]), keep)
+        np.testing.assert_array_equal(rows, known)
+        np.testing.assert_array_equal(first, known[:, 0])
+        given.append((rows, known))
+    for rows, then in given:
+        np.testing.assert_array_equal(rows, then)

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from support.waves import check_sound, waves
 
 from fbgraph.core.errors import DataError
-from fbgraph.readers.cleaning import LogFile, RawLog, RawStream, assemble, to_ns
+from fbgraph.core.nanoseconds import to_ns
+from fbgraph.readers.cleaning import LogFile, RawLog, RawStream, assemble
 
 S = 1_000_000_000
 N = 500

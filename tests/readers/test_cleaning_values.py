@@ -11,8 +11,9 @@ from support.waves import waves
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.core.nanoseconds import MAX_T_NS, to_ns
 from fbgraph.core.sensor_log import SensorLog
-from fbgraph.readers.cleaning import LIMITS, MAX_T_NS, RawLog, RawStream, assemble, drop_repeats, log_name, to_ns
+from fbgraph.readers.cleaning import LIMITS, RawLog, RawStream, assemble, drop_repeats, log_name
 from fbgraph.tables.log_text import log_text
 
 S = 1_000_000_000

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fbgraph.readers.csv_columns import CANONICAL, Columns, Rows, plain_name
 
 from fbgraph.core.errors import DataError
-from fbgraph.readers.csv_columns import CANONICAL, Columns, Rows, plain_name
 
 G, DEG = 9.80665, math.pi / 180.0
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fbgraph.readers.csv_columns import CANONICAL, Columns
+from fbgraph.readers.m5stickc import EXAMPLE
 from support.m5stickc_lines import (
     ACC,
     DEG,
@@ -24,8 +26,6 @@ from support.waves import check_sound
 
 from fbgraph.core.errors import DataError
 from fbgraph.readers import read_log
-from fbgraph.readers.csv_columns import CANONICAL, Columns
-from fbgraph.readers.m5stickc import EXAMPLE
 
 VARIANTS = {
     "canonical": (CANONICAL.removesuffix(",temp_c,event"), (T_S * 1e3, ACC / G, GYRO / DEG, MAG, PRESSURE), 0),

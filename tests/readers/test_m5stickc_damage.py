@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fbgraph.readers.csv_columns import CANONICAL, Columns
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from support.m5stickc_lines import ACC, DEG, GYRO, T_S, G, I, N, lines_of_a_walk, read_columns, read_lines
@@ -14,7 +15,6 @@ from support.waves import check_sound
 
 from fbgraph.core.errors import DataError
 from fbgraph.readers import detect, read_log
-from fbgraph.readers.csv_columns import CANONICAL, Columns
 
 
 @pytest.mark.parametrize("width", [11, 12, 13])

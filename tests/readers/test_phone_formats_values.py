@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.readers import FORMATS, detect, getsensordata, indoor_location, preset, read_log
-from fbgraph.readers.cleaning import MAX_T_NS, RawLog
+from fbgraph.readers.cleaning import RawLog
 
 
 def written(folder: Path, *lines: str) -> Path:

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fbgraph.readers.csv_columns import CANONICAL
+from fbgraph.readers.m5stickc import continue_restarts, detects, find_columns, read, read_text
 from support.m5stickc_lines import lines_of_a_walk
 
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import IntArray
-from fbgraph.readers.csv_columns import CANONICAL
-from fbgraph.readers.m5stickc import continue_restarts, detects, find_columns, read, read_text
 
 MS = 1_000_000
 WALK = lines_of_a_walk(300)  # 50 Hz from 5 s; a button at rows 50, 150 and 250

@@ -14,12 +14,13 @@ from support.damage import WRONG, damage, places, with_value
 
 import fbgraph
 from fbgraph.core.aids import Told
-from fbgraph.core.checkpoints import Checkpoints, checkpoints, read_checkpoints
+from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import DataError, FbgraphError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.tum_files import read_tum
 from fbgraph.pipeline import write_run
+from fbgraph.readers.places import read_checkpoints
 from fbgraph.recording.side_by_side import require_walk
 from fbgraph.reruns import repeat_run
 from fbgraph.run.folder import claimed_run

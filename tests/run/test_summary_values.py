@@ -82,6 +82,7 @@ STATE = {
     "closed_walk": False,
     "anchors": 0,
     "truth": "truth.csv",
+    "gnss": None,
     "declination": None,
     "georeference": {"lat_deg": pytest.approx(49.0), "lon_deg": pytest.approx(11.0)},
     "inputs": {"log": "/logs/walk.csv"}

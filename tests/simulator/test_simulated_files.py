@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fbgraph.core.checkpoints import read_checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.units import STANDARD_GRAVITY_M_S2
 from fbgraph.readers import read_log
+from fbgraph.readers.places import read_checkpoints
 from fbgraph.simulator.files import write_m5stickc_csv, write_truth_csv
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate import simulate

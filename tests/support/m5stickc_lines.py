@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from fbgraph.readers.csv_columns import CANONICAL
 
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers import detect, read_log
-from fbgraph.readers.csv_columns import CANONICAL
 from support.waves import waves
 
 G = 9.80665

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fbgraph.readers.column_names import Guess, guess_columns
+from fbgraph.columns.column_names import guess_columns
+from fbgraph.columns.guesses import Guess
 from fbgraph.tables.table import Column, Table
 
 ROWS = 200

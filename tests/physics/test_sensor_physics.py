@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Stream
+from fbgraph.physics.judge_sensors import judge_sensors
+from fbgraph.physics.judgement import Judged
+from fbgraph.physics.sensor_axes import CHIPS, told_axes
+from fbgraph.physics.sensor_units import judge_accelerometer, judge_pressure
+from fbgraph.physics.turning import SIGNED_ORDERS, cut, integrate
 from fbgraph.readers import read_log
-from fbgraph.readers.judge_sensors import Judged, judge_sensors
-from fbgraph.readers.sensor_axes import CHIPS, told_axes
-from fbgraph.readers.sensor_physics import judge_accelerometer, judge_pressure
-from fbgraph.readers.turning import SIGNED_ORDERS, cut, integrate
 
 G = 9.80665
 NAMED = {"acc": 1.0, "gyro": 1.0, "mag": 1.0, "pressure": 1.0}

@@ -5,50 +5,23 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from fbgraph.columns.app_layouts import AppLayout, layout_of, meaning_of
+from fbgraph.columns.guesses import Guess
+from fbgraph.columns.name_meaning import TRUTH, VECTORS, contradicts, grade_of, quantities, sensor_of
+from fbgraph.columns.name_words import words_of
+from fbgraph.columns.time_texts import kind_of_text
+from fbgraph.columns.units import shown, unit_of
 from fbgraph.core.bounded import MOST_COLUMNS
 from fbgraph.core.safe_text import short_name
-from fbgraph.readers.app_layouts import AppLayout, layout_of, meaning_of
-from fbgraph.readers.name_meaning import TRUTH, VECTORS, contradicts, grade_of, quantities, sensor_of
-from fbgraph.readers.name_words import words_of
-from fbgraph.readers.time_texts import kind_of_text
-from fbgraph.readers.units import shown, unit_of
 from fbgraph.tables.table import Column, Table
 
 CANONICAL = "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps,mx_ut,my_ut,mz_ut,p_hpa,temp_c,event"
 """The columns of the CSV that fbgraph writes."""
 _PLACE, _SURE = 0.8, 0.9
-
-
-@dataclass(frozen=True)
-class Guess:
-    """What a column may be.
-
-    Attributes:
-        column: its place in the table.
-        quantity: ``acc``, ``linear_acc`` (gravity removed), ``gravity``, ``gyro``, ``mag``, ``pressure``,
-            ``temperature``, ``altitude``, ``event``, ``counter``, ``date``, ``time``, ``time_of_day``, ``lat``,
-            ``lon``, ``height``, ``accuracy``, ``truth_x``, ``truth_y``, ``truth_z``, ``orientation``,
-            ``device`` or ``unknown``.
-        axis: ``x``, ``y``, ``z`` or ``""``.
-        unit: a key of ``UNITS[quantity]``, from this column's own name, row of units or app; ``""`` if nothing says it.
-        sensor: which of several devices; ``""`` is usual.
-        weight: 0 to 1.
-        why: for people.
-        grade: ``""``, ``raw`` (counts), ``uncalibrated`` or ``filtered``.
-    """
-
-    column: int
-    quantity: str
-    axis: str
-    unit: str
-    sensor: str
-    weight: float
-    why: str
-    grade: str = ""
 
 
 def guess_columns(table: Table, names: Sequence[str] = ()) -> tuple[Guess, ...]:

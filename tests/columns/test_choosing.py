@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from support.tables_by_hand import table_of
 
-from fbgraph.readers.choosing import Chosen, choose
-from fbgraph.readers.column_names import guess_columns
+from fbgraph.columns.choosing import choose
+from fbgraph.columns.column_names import guess_columns
+from fbgraph.columns.guesses import Chosen
 from fbgraph.tables.table import Table
 
 XYZ = "time;seconds_elapsed;z;y;x"

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fbgraph.columns.units import UNITS
 from fbgraph.core.geometry import FloatArray, IntArray
-from fbgraph.readers.units import UNITS
 
 _NEAR_STEPS = 100  # a counter that begins again left out fewer rows than this
 _DAY_S, _WEEK_S = 86_400.0, 604_800.0

@@ -12,16 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fbgraph.columns.app_layouts import flat_name
+from fbgraph.columns.clock_times import COUNTS, Clock, clock_ns
+from fbgraph.columns.guesses import Guess
+from fbgraph.columns.tick_counts import damage, distinct, progress, step_of, unwrapped, wraps_of
+from fbgraph.columns.time_texts import kind_of_text
+from fbgraph.columns.units import UNITS, shown
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.core.safe_text import short_name
-from fbgraph.readers.app_layouts import flat_name
-from fbgraph.readers.cleaning import MAX_T_NS
-from fbgraph.readers.clock_times import COUNTS, Clock, clock_ns
-from fbgraph.readers.column_names import Guess
-from fbgraph.readers.tick_counts import damage, distinct, progress, step_of, unwrapped, wraps_of
-from fbgraph.readers.time_texts import kind_of_text
-from fbgraph.readers.units import UNITS, shown
 from fbgraph.tables.table import Table
 
 ASSUMED_RATE_HZ = 50.0

@@ -11,9 +11,9 @@ import numpy as np
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Stream
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
-from fbgraph.readers.judgement import Judgement
-from fbgraph.readers.sensor_axes import Turning
-from fbgraph.readers.turning import gain
+from fbgraph.physics.judgement import Judgement
+from fbgraph.physics.sensor_axes import Turning
+from fbgraph.physics.turning import gain
 
 _COUNTS_A_G = (16384, 8192, 4096, 2048, 1024, 512, 256)
 _COUNTS_A_DPS = (16.4, 32.8, 65.5, 131.0)  # InvenSense's, ±2000 to ±250 °/s

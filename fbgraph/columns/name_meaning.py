@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fbgraph.readers.name_words import Words
-from fbgraph.readers.units import quantities_of, unit_of
+from fbgraph.columns.name_words import Words
+from fbgraph.columns.units import quantities_of, unit_of
 
 VECTORS = ("acc", "linear_acc", "gravity", "gyro", "mag")
 """Quantities with three axes."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from support.tables_by_hand import best, said, table_of
 
-from fbgraph.readers.column_names import CANONICAL, guess_columns
-from fbgraph.readers.units import UNITS, quantities_of, unit_of
+from fbgraph.columns.column_names import CANONICAL, guess_columns
+from fbgraph.columns.units import UNITS, quantities_of, unit_of
 
 _X = {"x": "xyz", "X": "XYZ", "0": "012", "1": "123"}
 VECTORS = {  # the name of the x axis: what its three are

@@ -47,3 +47,25 @@ class Judgement:
     def straight(self) -> bool:
         """Whether the axes are as named."""
         return bool((self.axes == np.eye(3)).all())
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What each sensor is; None for those that are not there.
+
+    Attributes:
+        axes_told: whether the motion told that the axes are right, as named or as turned.
+    """
+
+    acc: Judgement
+    gyro: Judgement
+    mag: Judgement | None = None
+    pressure: Judgement | None = None
+    axes_told: bool = True
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """What there is to say."""
+        found = (self.acc, self.gyro, self.mag, self.pressure)
+        texts = tuple(judgement.text for judgement in found if judgement is not None and judgement.text)
+        return texts if self.axes_told else (*texts, "the device turned too little to tell whether axes are as named")

@@ -14,9 +14,9 @@ import numpy as np
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Stream
 from fbgraph.core.units import STANDARD_GRAVITY_M_S2
-from fbgraph.readers.judgement import Judgement
-from fbgraph.readers.sensor_axes import CHIPS, Turning, Vote, simpler, told_axes
-from fbgraph.readers.turning import PROPER_ORDERS, SIGNED_ORDERS
+from fbgraph.physics.judgement import Judgement
+from fbgraph.physics.sensor_axes import CHIPS, Turning, Vote, simpler, told_axes
+from fbgraph.physics.turning import PROPER_ORDERS, SIGNED_ORDERS
 
 _EARTH_UT = 45.0
 _FIELD_UT = (18.0, 110.0)  # with iron in the device and around

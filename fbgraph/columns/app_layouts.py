@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fbgraph.readers.units import plain_text
+from fbgraph.columns.units import plain_text
 from fbgraph.tables.table import Table
 
 _ICM_20948 = (1, -1, -1)

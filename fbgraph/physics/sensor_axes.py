@@ -15,7 +15,7 @@ import numpy as np
 
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Stream
-from fbgraph.readers.turning import (
+from fbgraph.physics.turning import (
     FIELD_WINDOW_S,
     GRAVITY_WINDOW_S,
     PROPER_ORDERS,

@@ -2,40 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fbgraph.core.sensor_log import Stream
-from fbgraph.readers.judgement import Judgement
-from fbgraph.readers.magnetometer_axes import judge_gravity_sign, judge_magnetometer, see_field
-from fbgraph.readers.sensor_axes import Turning, Vote, told_axes, vote
-from fbgraph.readers.sensor_physics import judge_accelerometer, judge_gyroscope_unit, judge_pressure
+from fbgraph.physics.judgement import Judged, Judgement
+from fbgraph.physics.magnetometer_axes import judge_gravity_sign, judge_magnetometer, see_field
+from fbgraph.physics.sensor_axes import Turning, Vote, told_axes, vote
+from fbgraph.physics.sensor_units import judge_accelerometer, judge_gyroscope_unit, judge_pressure
 
 _LONG_S, _PIECES = 600.0, 60  # of a longer log so many pieces of ten seconds are looked at
 _NAMES = {"acc": "accelerometer", "gyro": "gyroscope"}
-
-
-@dataclass(frozen=True)
-class Judged:
-    """What each sensor is; None for those that are not there.
-
-    Attributes:
-        axes_told: whether the motion told that the axes are right, as named or as turned.
-    """
-
-    acc: Judgement
-    gyro: Judgement
-    mag: Judgement | None = None
-    pressure: Judgement | None = None
-    axes_told: bool = True
-
-    @property
-    def texts(self) -> tuple[str, ...]:
-        """What there is to say."""
-        found = (self.acc, self.gyro, self.mag, self.pressure)
-        texts = tuple(judgement.text for judgement in found if judgement is not None and judgement.text)
-        return texts if self.axes_told else (*texts, "the device turned too little to tell whether axes are as named")
 
 
 def judge_sensors(

@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from support.tables_by_hand import table_of
 
+from fbgraph.columns.clock_times import Clock, RunningClock, clock_ns
+from fbgraph.columns.clocks import find_clock
+from fbgraph.columns.column_names import guess_columns
+from fbgraph.columns.time_texts import stamps_ns
 from fbgraph.core.errors import DataError
-from fbgraph.readers.cleaning import MAX_T_NS
-from fbgraph.readers.clock_times import Clock, RunningClock, clock_ns
-from fbgraph.readers.clocks import find_clock
-from fbgraph.readers.column_names import guess_columns
-from fbgraph.readers.time_texts import stamps_ns
+from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.tables.table import Table
 
 AXES = "ax;ay;az;gx;gy;gz"

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fbgraph.columns.tick_counts import spread, unwrapped, wraps_of
+from fbgraph.columns.time_texts import DAY_NS, UNREAD, dates_ns, stamps_ns, times_of_day_ns
+from fbgraph.columns.units import UNITS
 from fbgraph.core.geometry import IntArray
-from fbgraph.readers.cleaning import MAX_T_NS, to_ns
-from fbgraph.readers.tick_counts import spread, unwrapped, wraps_of
-from fbgraph.readers.time_texts import DAY_NS, UNREAD, dates_ns, stamps_ns, times_of_day_ns
-from fbgraph.readers.units import UNITS
+from fbgraph.core.nanoseconds import MAX_T_NS, to_ns
 from fbgraph.tables.table import Table
 
 COUNTS = (2.0**8, 2.0**16, 2.0**32)

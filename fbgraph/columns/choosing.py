@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fbgraph.columns.app_layouts import layout_of, signs_of
+from fbgraph.columns.guesses import Chosen, Guess, Pick
+from fbgraph.columns.name_meaning import VECTORS
+from fbgraph.columns.units import shown
 from fbgraph.core.safe_text import short_name
-from fbgraph.readers.app_layouts import layout_of, signs_of
-from fbgraph.readers.column_names import Guess
-from fbgraph.readers.name_meaning import VECTORS
-from fbgraph.readers.units import shown
 from fbgraph.tables.table import Table
 
 GNSS = ("lat", "lon", "height", "accuracy")
@@ -19,52 +19,6 @@ TRUTH = ("truth_x", "truth_y", "truth_z")
 _SINGLES = ("pressure", "temperature", "altitude", "event", "counter")
 _GRADES = {"": 3, "filtered": 2, "uncalibrated": 1, "raw": 0}
 _LEAST = 0.25  # a guess of less weight than this is used for nothing
-
-
-@dataclass(frozen=True)
-class Pick:
-    """Columns that are used for a quantity.
-
-    Attributes:
-        quantity: as in a ``Guess``.
-        table: place among the tables.
-        columns: three, as x, y, z, or one.
-        unit: a key of ``UNITS[quantity]``; ``""`` where none is named or the three name different ones.
-        sensor: which of several devices.
-        grade: as in a ``Guess``.
-        signs: what to multiply the columns by, for the axes of the accelerometer and Android's sign of gravity; what
-            the app is known to need, which physics may find otherwise.
-        weight: of the least sure column.
-        why: for people.
-    """
-
-    quantity: str
-    table: int
-    columns: tuple[int, ...]
-    unit: str
-    sensor: str
-    grade: str
-    signs: tuple[int, ...]
-    weight: float
-    why: str
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """What a log is read from.
-
-    Attributes:
-        picks: by quantity. ``linear_acc`` and ``gravity`` are here only where no accelerometer with gravity is: their
-            sum is one, if both are here.
-        passed_over: what could have been used, each with the reason.
-        notes: what people should know of the choice.
-        apps: that wrote the tables in use.
-    """
-
-    picks: Mapping[str, Pick]
-    passed_over: tuple[tuple[Pick, str], ...] = ()
-    notes: tuple[str, ...] = ()
-    apps: tuple[str, ...] = ()
 
 
 @dataclass

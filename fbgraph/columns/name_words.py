@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
-from fbgraph.readers.units import is_unit, plain_text, unit_of
+from fbgraph.columns.units import is_unit, plain_text, unit_of
 
 AXES = "xyz"
 _VOCABULARY = {
