@@ -7,16 +7,15 @@ effective configuration is written into every run as ``config.toml``. Presets in
 from __future__ import annotations
 
 import math
-import reprlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_serializer, field_validator
+from pydantic import Field, field_serializer, field_validator
 
 from fbgraph.core.config_text import override, read_tables
-from fbgraph.core.errors import ConfigError
+from fbgraph.core.sections import Section, validated
 
 # bounds keep out what no walk needs and no computer could do; within them anything may be tried
 Positive = Annotated[float, Field(gt=0, le=1e4)]
@@ -31,15 +30,6 @@ Metres = Annotated[float, Field(gt=0, le=10.0)]
 Sigma = Annotated[float, Field(ge=1e-6, le=1e9)]
 
 
-class Section(BaseModel):
-    """A table of the configuration: frozen, and a mistyped key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True, allow_inf_nan=False)
-
-
-SectionT = TypeVar("SectionT", bound=Section)
-_SHOWN = reprlib.Repr()
-_SHOWN.maxstring = _SHOWN.maxother = 80
 STUDY_TABLE = "dataset"
 """The table of a configuration file that says how a data set of trials is laid out; see ``study.column_names``."""
 
@@ -359,22 +349,6 @@ def load_config(source: str | Path | None = None, overrides: Iterable[str] = ())
     values = {} if source is None else read_tables(str(source))
     values.pop(STUDY_TABLE, None)
     return validated(Config, override(values, overrides), str(source or "--set"))
-
-
-def validated(model: type[SectionT], values: Mapping[str, Any], source: str) -> SectionT:
-    """Validate a nested mapping as a table of the configuration.
-
-    Raises:
-        ConfigError: naming ``source`` and the dotted path of what is wrong.
-    """
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        path = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "extra_forbidden":
-            raise ConfigError(f"{source}: unknown key {path!r}; `fbgraph config` prints all keys") from error
-        raise ConfigError(f"{source}: {path}: {first['msg']} (got {_SHOWN.repr(first['input'])})") from error
 
 
 def dump_toml(config: Config) -> str:

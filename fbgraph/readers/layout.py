@@ -14,10 +14,10 @@ import tomli_w
 from pydantic import Field, field_validator, model_validator
 
 from fbgraph.core.bounded import CONFIG_BYTES, small_file
-from fbgraph.core.config import Section, validated
 from fbgraph.core.config_text import parse_toml
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import FloatArray
+from fbgraph.core.sections import Section, validated
 
 Name = Annotated[str, Field(max_length=300)]
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]

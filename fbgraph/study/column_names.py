@@ -10,9 +10,10 @@ import tomli_w
 from pydantic import BeforeValidator, Field
 
 from fbgraph.core.bounded import CONFIG_BYTES, small_file
-from fbgraph.core.config import STUDY_TABLE, Positive, Section, validated
+from fbgraph.core.config import STUDY_TABLE, Positive
 from fbgraph.core.config_text import override, parse_toml, read_tables
 from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.core.sections import Section, validated
 
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 """One name or a list of them."""

@@ -6,16 +6,10 @@ from typing import Any
 
 import pytest
 
-from fbgraph.core.config import (
-    Config,
-    EkfConfig,
-    StepsConfig,
-    dump_toml,
-    load_config,
-    validated,
-)
+from fbgraph.core.config import Config, EkfConfig, StepsConfig, dump_toml, load_config
 from fbgraph.core.config_text import override, parse_toml, preset_names
 from fbgraph.core.errors import ConfigError
+from fbgraph.core.sections import validated
 
 
 def test_presets_differ_from_the_defaults_and_overrides_from_presets() -> None:
