@@ -62,6 +62,7 @@ ROOMS = (
     "integrity",
     "run",
     "exports",
+    "plots",
     "recording",
     "study",
     "pipeline",
