@@ -65,6 +65,7 @@ ROOMS = (
     "integrity",
     "run",
     "exports",
+    "plots",
     "recording",
     "study",
     "pipeline",

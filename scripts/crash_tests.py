@@ -197,7 +197,8 @@ def checked(case: Case, folder: Path, code: int, said: str) -> list[str]:
             code, said = run(folder, ("online", "--source", "stdin", "--no-recording", *place), rest)
             if code:
                 wrong.append(f"the next start ended with {code}: {said.strip()}")
-            if (folder / "live" / "raw.csv").read_bytes() != before + case.stdin:
+            raw = folder / "live" / "raw.csv"
+            if not raw.exists() or raw.read_bytes() != before + case.stdin:
                 wrong.append("resumed, but not to the byte")
     else:
         code, said = run(

@@ -35,7 +35,7 @@ static int below_fd(int fd, char *path) {
     ssize_t n = readlink(link, path, PATH_MAX - 1);
     if (n < 0) return 0;
     path[n] = 0;
-    return below(path);
+    return path[0] == '/' && below(path); /* a pipe has no place on a disk */
 }
 
 /* 1 if this call is to fail, errno set */

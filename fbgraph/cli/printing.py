@@ -95,13 +95,17 @@ def print_summary(summary: dict[str, Any]) -> None:
         f"{name} ({log['format']}): {minutes} min {seconds:02d} s, {summary['steps']} steps, "
         f"{summary['distance_m']:.1f} m, {summary['turns']} turns, {altitude}"
     )
-    scores = {name: entry.get("score") for name, entry in summary["estimators"].items()}
+    scores = [entry.get("score") for entry in summary["estimators"].values()]
     rows = []
     for name, entry in summary["estimators"].items():
         end = [f"{value:.2f}" for value in entry["end_m"]]
-        rows.append([name, f"{entry['distance_m']:.1f}", str(entry["turns"]), *end, *_score_cells(scores[name])])
+        rows.append([name, f"{entry['distance_m']:.1f}", str(entry["turns"]), *end])
     heads = ["estimator", "distance m", "turns", "end x m", "end y m", "end z m"]
-    print_table(heads + (_SCORE_HEADS if any(scores.values()) else []), rows)
+    without_scores = len(heads)
+    if all(scores):
+        heads += _SCORE_HEADS
+        rows = [[*row, *_score_cells(score)] for row, score in zip(rows, scores, strict=True)]
+    print_table(heads, rows, part_at=without_scores)
     if summary["return"] is not None:
         _print_return(summary["return"])
     if summary["declination"] is not None:
@@ -130,23 +134,38 @@ def closures_text(way_back: dict[str, Any]) -> str:
     return f"{way_back['closures']} closures" + (f", {doubted} doubted" if doubted else "")
 
 
-_SCORE_HEADS = ["RMSE m", "mean m", "max m", "final m", "scored"]
+_SCORE_HEADS = ["scored", "RMSE m", "aligned\nRMSE m", "turned °", "mean m", "max m", "final m"]
+_MORE_SCORE_HEADS = ["final %", "CE50 m", "CE75 m", "CE95 m", "Q3 m", "growth\nm/s", "in 95 %\nellipse"]
+_MORE_METRES = ("ce50_m", "ce75_m", "ce95_m", "third_quartile_m")
 
 
-def _score_cells(score: dict[str, Any] | None) -> list[str]:
-    if score is None:
-        return []
-    return [*(f"{score[key]:.2f}" for key in ("rmse_m", "mean_m", "max_m", "final_m")), score["label"]]
-
-
-def print_scores(name: str, scores: dict[str, Any]) -> None:
-    """Scores by estimator, from ``exports.score_run``."""
-    say(f"{short_name(name)}: {next(iter(scores.values()))['checkpoints']} checkpoints scored")
-    rows = [
-        [name, *_score_cells(score), f"{score['aligned_rmse_m']:.2f}", _coverage_cell(score)]
-        for name, score in scores.items()
+def _score_cells(score: dict[str, Any]) -> list[str]:
+    cells = [score["label"], *(f"{score[key]:.2f}" for key in ("rmse_m", "aligned_rmse_m"))]
+    return [
+        *cells,
+        _known(score["turned_deg"], "+.0f"),
+        *(f"{score[key]:.2f}" for key in ("mean_m", "max_m", "final_m")),
     ]
-    print_table(["estimator", *_SCORE_HEADS, "aligned RMSE m", "in 95 % ellipse"], rows)
+
+
+def print_scores(runs: dict[str, dict[str, Any]]) -> None:
+    """Scores by run and estimator, from ``read_run.score_run``: how many checkpoints each run has, then a table."""
+    rows = []
+    for run, scores in runs.items():
+        say(f"{short_name(run)}: {next(iter(scores.values()))['checkpoints']} checkpoints scored")
+        for name, score in scores.items():
+            more = [_known(score["final_percent"], ".1f"), *(f"{score[key]:.2f}" for key in _MORE_METRES)]
+            more += [_known(score["growth_m_s"], ".4f"), _coverage_cell(score)]
+            rows.append([run, name, *_score_cells(score), *more])
+    heads = ["run", "estimator", *_SCORE_HEADS, *_MORE_SCORE_HEADS]
+    if len(runs) == 1:
+        print_table(heads[1:], [row[1:] for row in rows])
+    else:
+        print_table(heads, rows, keys=2)
+
+
+def _known(value: float | None, form: str) -> str:
+    return "–" if value is None else format(value, form)
 
 
 def _coverage_cell(score: dict[str, Any]) -> str:
@@ -155,22 +174,70 @@ def _coverage_cell(score: dict[str, Any]) -> str:
     return "–" if covered is None else f"{covered['inside_95']} of {covered['of']}"
 
 
-def print_table(heads: list[str], rows: list[list[str]]) -> None:
-    """A table, numbers to the right."""
+_TEXT_HEADS = ("run", "estimator", "scored", "Metric")
+
+
+def print_table(heads: list[str], rows: list[list[str]], keys: int = 1, part_at: int = 0) -> None:
+    """A table, numbers to the right; where it is wider than the terminal, its columns in several, one below another.
+
+    Args:
+        heads: may be of several lines.
+        rows: as wide as the heads.
+        keys: how many of the first columns say what a row is of; they stand in every table, shortened if need be.
+        part_at: where the columns are parted first, if they must be; wherever they no longer fit if 0.
+    """
+    from rich.cells import cell_len
+
+    width = _terminal_width()
+    most = max(width // (2 * keys), 12)
+    rows = [[*(_shortened(short_name(c), most) for c in row[:keys]), *map(short_name, row[keys:])] for row in rows]
+    wide = [
+        max(map(cell_len, [*head.split("\n"), *cells])) + _BETWEEN for head, *cells in zip(heads, *rows, strict=True)
+    ]
+    blocks: list[list[int]] = [[]]
+    for column in range(keys, len(heads)):
+        parted = column == part_at and sum(wide) > width
+        if blocks[-1] and (parted or sum(wide[c] for c in (*range(keys), *blocks[-1], column)) > width):
+            blocks.append([])
+        blocks[-1].append(column)
+    for block in blocks:
+        kept = (*range(keys), *block)
+        _print_block([heads[c] for c in kept], [[row[c] for c in kept] for row in rows], width)
+
+
+_BETWEEN = 2
+"""Characters between two columns; at the edges of a table, half of them each."""
+_ANY_WIDTH = 10_000
+
+
+def _terminal_width() -> int:
+    """Of what is printed to; a pipe, unless ``COLUMNS`` gives it one, has none of its own and takes all."""
+    import shutil
+
+    if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal():
+        return max(shutil.get_terminal_size().columns, 20)
+    return _ANY_WIDTH
+
+
+def _shortened(text: str, most: int) -> str:
+    from rich.cells import cell_len, set_cell_size
+
+    return text if cell_len(text) <= most else set_cell_size(text, most - 1).rstrip() + "…"
+
+
+def _print_block(heads: list[str], rows: list[list[str]], width: int) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, _BETWEEN - 1, 0, 0))
     for head in heads:
-        table.add_column(
-            Text(head), justify="left" if head in ("estimator", "scored", "Metric") else "right", no_wrap=True
-        )
+        left = head in _TEXT_HEADS
+        table.add_column(Text(head), justify="left" if left else "right", no_wrap=True, vertical="bottom")
     for row in rows:
-        table.add_row(*(Text(short_name(cell)) for cell in row))  # no markup
-    # a pipe has no width of its own: give it all the table needs
-    console = Console(width=None if sys.stdout.isatty() else 160)
+        table.add_row(*map(Text, row))  # no markup
+    console = Console(width=width)
     with console.capture() as printed:
         console.print(table)
     _write(printed.get().encode(sys.stdout.encoding, "backslashreplace"))

@@ -1,4 +1,4 @@
-"""Commands that look at runs: view, record, evaluate, guide."""
+"""Commands that look at a run: view, record, guide."""
 
 from __future__ import annotations
 
@@ -7,12 +7,8 @@ from typing import Annotated
 
 import typer
 
-from fbgraph.cli.app import (
-    JsonOption,
-    app,
-    require_rerun,
-)
-from fbgraph.cli.printing import complain, print_scores, say, say_document, say_json
+from fbgraph.cli.app import app, require_rerun
+from fbgraph.cli.printing import complain, say, say_document
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.whole_writes import whole_file
 
@@ -68,30 +64,6 @@ def record(
     if out is not None:
         require_free(out, "--out")
     say(f"written to {reruns.record_run(run, out, log)}")
-
-
-@app.command()
-def evaluate(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
-    truth: Annotated[
-        Path,
-        typer.Option("--truth", metavar="FILE", help="Known places, in any form that `fbgraph smooth --truth` takes."),
-    ],
-    as_json: JsonOption = False,
-) -> None:
-    """Score a run folder against known places."""
-    from fbgraph.readers.places import read_checkpoints
-    from fbgraph.run.read_run import on_its_clock, read_run, score_run
-
-    saved = read_run(run)
-    known = on_its_clock(saved, read_checkpoints(truth))
-    for notice in known.notices:
-        complain(notice)
-    scores = score_run(saved, known)
-    if as_json:
-        say_json(scores)
-    else:
-        print_scores(str(saved.summary["log"]["name"]), scores)
 
 
 @app.command()

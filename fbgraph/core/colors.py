@@ -30,3 +30,10 @@ AXIS_COLORS: tuple[Color, Color, Color] = ((213, 94, 0), (240, 228, 66), (0, 114
 
 LABELS: dict[str, str] = {"pdr": "PDR", "ekf": "EKF", "smoothed": "smoothed", "online": "online"}
 """What a legend calls each estimator."""
+
+RUN_COLORS: tuple[Color, ...] = (
+    COLORS["return"],  # blue
+    COLORS["sensor"],  # vermilion
+    *(COLORS[name] for name in ("smoothed", "online", "pdr", "ekf")),
+)
+"""Of runs compared in one figure, where one estimator of each is drawn; first those that are no estimator's."""

@@ -11,7 +11,7 @@ from fbgraph.core.geometry import FloatArray, turned, wrap_angle
 from fbgraph.run.altitude_findings import altitude_findings
 from fbgraph.run.device_findings import device_findings
 from fbgraph.run.finding import Finding
-from fbgraph.run.metrics import leg_errors
+from fbgraph.run.metrics import RigidFit, fit_to_truth, leg_errors
 from fbgraph.run.timeline_lanes import DOUBTED_BELOW, MOVING, compass_trust, stretches, wearer_lane
 from fbgraph.run.walk_result import WalkResult
 
@@ -19,6 +19,7 @@ _PAUSE_S = 3.0  # walking without a step for longer is told
 _SLOW, _FAST = 0.7, 1.4  # of the usual step frequency
 _SAME_HEIGHT_M = 0.5  # passes of one place that differ by more in altitude are told
 _FIXES_NAMED = 4  # GNSS anchors that are told one by one
+_TURNED_RAD, _FITS = float(np.radians(20.0)), 0.1  # truth turned further, and then fitting to a tenth of its spread
 _MOST = 5  # stretches of one kind that are told
 
 
@@ -178,7 +179,10 @@ def _truth(result: WalkResult) -> list[Finding]:
     if len(legs.yaw_rad) == 0:
         return found
     yaw_deg, length = float(np.degrees(np.median(legs.yaw_rad))), float(np.median(legs.length_rel))
-    if abs(yaw_deg) > 8.0:
+    fit = fit_to_truth(smoothed, truth, result.log.t0_s, result.log.span_s)
+    if (text := _other_frame(fit, float(np.sqrt((off_m**2).mean())))) and len(truth) > 2:
+        found.append(Finding("truth", start_s, end_s, text))
+    elif abs(yaw_deg) > 8.0:
         text = (
             f"by the truth the smoothed walk is turned {abs(yaw_deg):.0f}° to the {'left' if yaw_deg > 0 else 'right'} "
             "(median leg): how the device was held, declination, or iron all along; nothing in the sensors tells"
@@ -189,6 +193,18 @@ def _truth(result: WalkResult) -> list[Finding]:
         text = f"by the truth the smoothed walk is {by} (median leg)"
         found.append(Finding("truth", start_s, end_s, text))
     return found
+
+
+def _other_frame(fit: RigidFit, rmse_m: float) -> str:
+    """That the walk is as the truth says but for a turn, if it is; ``rmse_m`` is its error as it lies."""
+    if fit.turn_rad is None or abs(fit.turn_rad) <= _TURNED_RAD or fit.rmse_m > _FITS * fit.spread_m:
+        return ""
+    side = "left" if fit.turn_rad > 0 else "right"
+    return (
+        f"the smoothed walk is turned {abs(np.degrees(fit.turn_rad)):.0f}° to the {side} of the truth and fits it once "
+        f"turned back (RMSE {rmse_m:.1f} m as it is, {fit.rmse_m:.1f} m aligned): truth in another frame (a building's "
+        "axes, grid North), how the device was held, or iron all along; nothing in the sensors tells"
+    )
 
 
 def _worn(result: WalkResult) -> list[Finding]:

@@ -95,8 +95,10 @@ def claimed_live(out: Path, resume: bool, force: bool = False) -> Iterator[RunCl
 
     with locked(out) as place:
         if resume:
-            if not (place / RAW).is_file() or not (place / "config.toml").is_file():
+            finished_elsewhere = (place / SUMMARY).is_file() and not (place / RAW).is_file()
+            if finished_elsewhere or not (place / "config.toml").is_file():
                 raise ConfigError(f"--resume {out}: no {RAW} and config.toml there, so no walk to go on with")
+            (place / RAW).touch()  # of a walk that was killed before its first byte
         else:
             require_replaceable(place, None, force)
             if (place / "summary.json").exists() and not force:

@@ -22,13 +22,25 @@ _TURN_STEPS, _TURN_RAD = 3.0, float(np.radians(30.0))  # how near a found turn m
 
 @dataclass(frozen=True)
 class Score:
-    """Horizontal error over the scored checkpoints, metres: e_k = |p_k - p̂_k|.
+    """Horizontal error over the scored checkpoints, metres: e_k = |p_k - p̂_k|, k = 1 … M.
 
     Attributes:
-        rmse_m: √(mean e²), Euclidean in the plane (√2 larger than errors averaged over the axes too).
-        mean_m, max_m: over all scored checkpoints.
-        final_m: at the last one.
-        checkpoints: how many were scored.
+        rmse_m: √(Σ e² / M), Euclidean in the plane (√2 larger than errors averaged over the axes too).
+        mean_m, max_m: Σ e / M and max e.
+        final_m: at the last one, e_M.
+        checkpoints: how many were scored, M.
+        final_percent: 100 e_M / d, where d is the distance that the estimate walks between the first checkpoint and
+            the last; None where it walks none. Drift in per cent of the distance, as in Foxlin, Pedestrian Tracking
+            with Shoe-Mounted Inertial Sensors, IEEE CG&A 25(6), 2005.
+        ce50_m, ce75_m, ce95_m: circular error: the radius of the smallest circle around the truth that holds at least
+            so many per cent of the errors, CE_p = e_(⌈p M⌉) of the sorted ones (ISO/IEC 18305:2016, Test and
+            evaluation of localization and tracking systems).
+        third_quartile_m: the 75 % quantile, linear between sorted errors, as the EvAAL and IPIN competitions rank
+            (Potortì et al., Comparing the Performance of Indoor Localization Systems through the EvAAL Framework,
+            Sensors 17(10), 2017); floors are not estimated, so no wrong floor is penalised.
+        growth_m_s: how fast the error grows: the slope b of the least-squares line e = a + b t; where the walk was
+            moved to agree at the first checkpoint, that one counts with its error of nought. None if all were passed
+            at one time.
     """
 
     rmse_m: float
@@ -36,8 +48,14 @@ class Score:
     max_m: float
     final_m: float
     checkpoints: int
+    final_percent: float | None
+    ce50_m: float
+    ce75_m: float
+    ce95_m: float
+    third_quartile_m: float
+    growth_m_s: float | None
 
-    def as_dict(self) -> dict[str, float]:
+    def as_dict(self) -> dict[str, float | None]:
         """For JSON."""
         return asdict(self)
 
@@ -82,6 +100,19 @@ def checkpoint_offsets(
     Returns:
         (M - 1, 2) for ``start``, (M, 2) otherwise; metres.
     """
+    estimate = _places_at(trajectory, truth, t0_s, log_s)
+    if alignment == "start":
+        difference = estimate - truth.xy_m
+        return np.asarray((difference - difference[0])[1:])
+    if alignment == "rigid":
+        return rigid_fit(estimate, truth.xy_m).offset_m
+    return np.asarray(estimate - truth.xy_m)
+
+
+def _places_at(
+    trajectory: Trajectory, truth: Checkpoints, t0_s: float, log_s: tuple[float, float] | None
+) -> FloatArray:
+    """(M, 2) where the estimate is at the checkpoints; arguments and errors as ``checkpoint_errors``."""
     if len(truth) < 2:
         raise DataError(f"{truth.source}: scoring needs at least two checkpoints, found {len(truth)}")
     if truth.doubt:
@@ -98,13 +129,56 @@ def checkpoint_offsets(
             f"the walk ({trajectory.t_s[0] + t0_s:.1f} … {trajectory.t_s[-1] + t0_s:.1f} s): "
             "another log's truth, or another clock"
         )
-    estimate = trajectory.at(t_s)[:, :2]
-    if alignment == "start":
-        difference = estimate - truth.xy_m
-        return np.asarray((difference - difference[0])[1:])
-    if alignment == "rigid":
-        estimate = _rigid_fit(estimate, truth.xy_m)
-    return np.asarray(estimate - truth.xy_m)
+    return trajectory.at(t_s)[:, :2]
+
+
+@dataclass(frozen=True)
+class RigidFit:
+    """A walk moved and turned, never stretched nor mirrored, onto the truth.
+
+    Attributes:
+        offset_m: (M, 2) fitted estimate less truth, East and North.
+        turn_rad: how far the estimate is turned from the truth, counter-clockwise, within ±π; None if it cannot be
+            told because all places are one.
+        spread_m: √(mean squared distance of the true places from their middle): what a turn is multiplied with.
+    """
+
+    offset_m: FloatArray
+    turn_rad: float | None
+    spread_m: float
+
+    @property
+    def rmse_m(self) -> float:
+        """What is left."""
+        return float(np.sqrt((self.offset_m**2).sum(axis=1).mean()))
+
+
+def rigid_fit(points: FloatArray, targets: FloatArray) -> RigidFit:
+    """Fit points to targets in the least-squares sense: min over R, t of Σ |q_k - R p_k - t|².
+
+    Umeyama, Least-Squares Estimation of Transformation Parameters Between Two Point Patterns, IEEE PAMI 13(4), 1991,
+    with scale 1; in the plane, with complex p' and q' taken from their means, R is the turn by arg Σ conj(p') q'.
+
+    Args:
+        points, targets: (M, 2), p and q.
+    """
+    a = (points - points.mean(axis=0)) @ (1.0, 1.0j)
+    b = (targets - targets.mean(axis=0)) @ (1.0, 1.0j)
+    together = np.vdot(a, b)
+    left = a * np.exp(1j * np.angle(together)) - b
+    known = abs(together) > 1e-12 * max(1.0, float(np.linalg.norm(a)) * float(np.linalg.norm(b)))
+    return RigidFit(
+        np.column_stack((left.real, left.imag)),
+        -float(np.angle(together)) if known else None,
+        float(np.sqrt((np.abs(b) ** 2).mean())),
+    )
+
+
+def fit_to_truth(
+    trajectory: Trajectory, truth: Checkpoints, t0_s: float = 0.0, log_s: tuple[float, float] | None = None
+) -> RigidFit:
+    """The best rigid fit over all checkpoints; arguments and errors as in ``checkpoint_errors``."""
+    return rigid_fit(_places_at(trajectory, truth, t0_s, log_s), truth.xy_m)
 
 
 def score(
@@ -116,13 +190,29 @@ def score(
 ) -> Score:
     """Errors at the checkpoints, summed up; arguments and errors as in ``checkpoint_errors``."""
     errors = checkpoint_errors(trajectory, truth, t0_s, alignment, log_s)
+    t_s = truth.t_s - t0_s
+    walked_m = float(np.diff(np.interp(t_s[[0, -1]], trajectory.t_s, trajectory.distance_m))[0])
+    ce_m = np.quantile(errors, (0.5, 0.75, 0.95), method="inverted_cdf").tolist()
     return Score(
         rmse_m=float(np.sqrt((errors**2).mean())),
         mean_m=float(errors.mean()),
         max_m=float(errors.max()),
         final_m=float(errors[-1]),
         checkpoints=len(errors),
+        final_percent=100.0 * float(errors[-1]) / walked_m if walked_m > 0.0 else None,
+        ce50_m=ce_m[0],
+        ce75_m=ce_m[1],
+        ce95_m=ce_m[2],
+        third_quartile_m=float(np.quantile(errors, 0.75)),
+        growth_m_s=_slope(t_s, np.append(np.zeros(len(t_s) - len(errors)), errors)),
     )
+
+
+def _slope(t_s: FloatArray, errors_m: FloatArray) -> float | None:
+    """Of the least-squares line of errors over time, metres a second; None if there is only one time."""
+    since_s = t_s - t_s.mean()
+    square = float(since_s @ since_s)
+    return float(since_s @ errors_m) / square if square > 0.0 else None
 
 
 @dataclass(frozen=True)
@@ -163,14 +253,6 @@ def leg_errors(
     true = np.diff(places[chosen], axis=0) @ (1.0, 1j)
     ratio = estimated / true
     return LegErrors(t_s[chosen[:-1]], t_s[chosen[1:]], np.abs(ratio) - 1.0, np.angle(ratio))
-
-
-def _rigid_fit(points: FloatArray, targets: FloatArray) -> FloatArray:
-    """Points moved and turned onto targets in the least-squares sense (2-D Kabsch, in complex numbers)."""
-    a = (points - points.mean(axis=0)) @ (1.0, 1.0j)
-    b = (targets - targets.mean(axis=0)) @ (1.0, 1.0j)
-    turned = a * np.exp(1j * np.angle(np.vdot(a, b)))
-    return np.asarray(np.column_stack((turned.real, turned.imag)) + targets.mean(axis=0))
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,7 @@ class _Event(_Noted):
 
 class _Samples(_Noted):
     mag: _Count = 1
+    pressure: _Count = 1
 
 
 class _Log(_Noted):

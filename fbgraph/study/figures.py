@@ -1,6 +1,6 @@
-"""The paper's figures, all methods side by side. The only room with matplotlib; no state but what is passed.
+"""The paper's figures, all methods side by side; no state but what is passed.
 
-Sized for a page's width, legible in grey: every method has a colour (``colors``), a line style and a marker.
+Sized for a page's width, legible in grey: every method has a colour, a line style and a marker (``plots.style``).
 """
 
 from __future__ import annotations
@@ -18,25 +18,16 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from scipy import stats
 
-from fbgraph.core.colors import COLORS
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.safe_text import for_terminal, short_name
+from fbgraph.plots.style import PAPER, STYLES, TRUTH, color
 from fbgraph.study.course import OBSTACLE_M
 from fbgraph.study.protocol import LABELS, StudyResult, TrialResult
 
 _DPI = 180
 _WIDTH_IN = 7.2
 _TEXT: Any = {"font.size": 10, "axes.titlesize": 10.5, "axes.labelsize": 10, "legend.fontsize": 9.5}
-_TEXT |= {"axes.spines.top": False, "axes.spines.right": False}
 _ERROR_MAP = "cividis_r"  # even in grey and for the colour-blind: darker is worse
-_STYLES: dict[str, tuple[Any, str]] = {
-    "logged_pdr": ((0, (1, 1)), "v"),
-    "logged_forestback": ((0, (5, 1, 1, 1, 1, 1)), "P"),
-    "pdr": ((0, (2, 1.2)), "s"),
-    "ekf": ((0, (6, 1.5)), "^"),
-    "online": ((0, (6, 1.5, 1.2, 1.5)), "D"),
-    "smoothed": ("-", "o"),
-}
 _CELL_M = 0.3
 _MOST_LABEL = 24  # characters of a checkpoint's name
 _SECTORS = 24
@@ -55,7 +46,7 @@ def draw(result: StudyResult) -> dict[str, tuple[bytes, str]]:
         "heading": _heading,
     }
     pictures = {}
-    with mpl.rc_context(_TEXT):
+    with mpl.rc_context({**PAPER, **_TEXT}):
         for name, drawer in drawers.items():
             figure, caption = drawer(result)
             if result.simulated:
@@ -72,11 +63,6 @@ def representative(result: StudyResult) -> TrialResult:
     table = np.array([[trial.methods[name].rmse_m for name in result.drawn] for trial in result.trials])
     off = ((table / np.median(table, axis=0) - 1.0) ** 2).sum(axis=1)
     return result.trials[int(np.argmin(off))]
-
-
-def _color(method: str) -> tuple[float, float, float]:
-    r, g, b = COLORS[method]
-    return r / 255.0, g / 255.0, b / 255.0
 
 
 def _grid(count: int, height_in: float, **kw: Any) -> tuple[Figure, list[Any]]:
@@ -113,11 +99,11 @@ def _scene(panel: Any, result: StudyResult, trial: TrialResult) -> None:
         x0, y0, x1, y1 = OBSTACLE_M
         panel.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor="#e8e8e8", edgecolor="#777777", hatch="///"))
     truth = trial.trial.truth
-    panel.plot(truth.x_m, truth.y_m, color="black", lw=1.3, zorder=3, label="ground truth")
+    panel.plot(truth.x_m, truth.y_m, color=TRUTH, lw=1.3, zorder=3, label="ground truth")
     middle = truth.xy_m.mean(axis=0)
     for name, x, y in _checkpoint_places(trial, list(result.checkpoints)):
         outward = np.array([x, y]) - middle
-        panel.plot(x, y, marker="o", ms=4, color="black", zorder=6)
+        panel.plot(x, y, marker="o", ms=4, color=TRUTH, zorder=6)
         panel.annotate(
             for_terminal(name, _MOST_LABEL),
             (x, y),
@@ -147,11 +133,11 @@ def _trajectory(result: StudyResult) -> tuple[Figure, str]:
         method = trial.methods[name]
         _scene(panel, result, trial)
         strip = np.stack((method.xy_m[:-1], method.xy_m[1:]), axis=1)
-        panel.add_collection(LineCollection(list(strip), colors=[_color(name)], linewidths=6.5, zorder=4, alpha=0.45))
+        panel.add_collection(LineCollection(list(strip), colors=[color(name)], linewidths=6.5, zorder=4, alpha=0.45))
         colored = LineCollection(list(strip), cmap=_ERROR_MAP, norm=scale, linewidths=2.8, zorder=5)
         colored.set_array(method.error_m[1:])
         panel.add_collection(colored)
-        panel.plot(*method.xy_m[-1], marker=_STYLES[name][1], ms=8, color=_color(name), mec="black", zorder=8)
+        panel.plot(*method.xy_m[-1], marker=STYLES[name][1], ms=8, color=color(name), mec="black", zorder=8)
         panel.autoscale_view()
         panel.set_title(f"{LABELS[name]}\nRMSE {method.rmse_m:.2f} m, final {method.final_m:.2f} m")
     for panel in panels:
@@ -199,14 +185,14 @@ def _progress(result: StudyResult) -> tuple[Figure, str]:
     for name in result.drawn:
         curves = np.array([_over_progress(trial, name, grid) for trial in result.trials])
         mean = curves.mean(axis=0)
-        line, marker = _STYLES[name]
+        line, marker = STYLES[name]
         panel.plot(
-            grid, mean, color=_color(name), ls=line, lw=2.2, marker=marker, markevery=10, ms=6, mec="black", mew=0.5,
+            grid, mean, color=color(name), ls=line, lw=2.2, marker=marker, markevery=10, ms=6, mec="black", mew=0.5,
             label=LABELS[name],
         )  # fmt: skip
         if len(curves) > 2:
             half = stats.t.ppf(0.975, len(curves) - 1) * curves.std(axis=0, ddof=1) / np.sqrt(len(curves))
-            panel.fill_between(grid, mean - half, mean + half, color=_color(name), alpha=0.13, lw=0)
+            panel.fill_between(grid, mean - half, mean + half, color=color(name), alpha=0.13, lw=0)
     panel.set_xlim(0.0, 1.0)
     panel.set_ylim(bottom=0.0)
     for label, at in result.checkpoints.items():
@@ -237,7 +223,7 @@ def _rmse(result: StudyResult) -> tuple[Figure, str]:
     if len(table) > 2 and (np.ptp(table, axis=0) > 0).all():
         bodies: Any = panel.violinplot(table, positions=at, widths=0.8, showextrema=False)["bodies"]
         for body, name in zip(bodies, methods, strict=True):
-            body.set_facecolor(_color(name))
+            body.set_facecolor(color(name))
             body.set_edgecolor("black")
             body.set_alpha(0.35)
     for row in table:
@@ -247,7 +233,7 @@ def _rmse(result: StudyResult) -> tuple[Figure, str]:
         boxprops={"facecolor": "white"}, medianprops={"color": "black", "lw": 2},
     )  # fmt: skip
     for k, name in enumerate(methods):
-        panel.scatter(np.full(len(table), k), table[:, k], s=20, marker=_STYLES[name][1], color=_color(name),
+        panel.scatter(np.full(len(table), k), table[:, k], s=20, marker=STYLES[name][1], color=color(name),
                       edgecolor="black", linewidth=0.4, zorder=5)  # fmt: skip
     means = table.mean(axis=0)
     panel.set_xticks(at, [f"{LABELS[name]}\nmean {mean:.2f} m" for name, mean in zip(methods, means, strict=True)])
@@ -273,7 +259,7 @@ def _heading(result: StudyResult) -> tuple[Figure, str]:
         sector = np.round(direction[name] / (2.0 * np.pi / _SECTORS)).astype(int) % _SECTORS
         count = np.bincount(sector, minlength=_SECTORS)
         rms = np.sqrt(np.bincount(sector, degrees**2, minlength=_SECTORS) / np.maximum(count, 1))
-        panel.scatter(direction[name], np.minimum(degrees, limit), s=9, marker=_STYLES[name][1], color=_color(name),
+        panel.scatter(direction[name], np.minimum(degrees, limit), s=9, marker=STYLES[name][1], color=color(name),
                       alpha=0.6, linewidth=0, zorder=2)  # fmt: skip
         panel.bar(centers, np.minimum(rms, limit), width=2.0 * np.pi / _SECTORS, facecolor="none", edgecolor="black",
                   linewidth=1.0, zorder=3)  # fmt: skip

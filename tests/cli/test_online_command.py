@@ -174,6 +174,16 @@ def test_kills_lose_and_double_no_step(device_lines: list[str], reference: Path,
     same_walk(out, reference)
 
 
+def test_a_walk_killed_before_its_first_byte_is_resumed(
+    device_lines: list[str], reference: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "config.toml").write_bytes((reference / "config.toml").read_bytes())
+    arguments = ("--source", "stdin", "--resume", tmp_path / "run", "--no-recording")
+    fbgraph_process("online", *arguments, stdin="".join(device_lines))
+    same_walk(tmp_path / "run", reference)
+
+
 def test_resume_needs_a_walk_and_sources_are_checked(tmp_path: Path) -> None:
     run = tmp_path / "run"
     for code, cause, arguments in (

@@ -258,6 +258,24 @@ def test_a_walk_turned_by_eight_degrees_is_told() -> None:
     assert known(turned(-12.0), sigma_m=9.0)[0].startswith(text.format("12° to the right"))
 
 
+def corner(by_deg: float, off_m: float = 0.0) -> Checkpoints:
+    """Truth of a walk around a corner, turned to the left by so much, its middle place moved."""
+    at = np.array([0.0, 8.0, 8.0 + 1j * off_m + 4j, 8.0 + 8j, 8.0 + 12j]) * np.exp(-1j * math.radians(by_deg))
+    return truth(at.real.tolist(), at.imag.tolist(), 8.0)
+
+
+def test_truth_in_another_frame_is_told_where_it_fits_once_turned() -> None:
+    way = way_along((0.0, 0.0), (8.0, 0.0), (8.0, 12.0), dt_s=0.5, t0_s=1.0)
+    slow = replace(way, t_s=1.0 + np.interp(way.distance_m, (0, 8, 12, 16, 20), (0, 8, 16, 24, 32)))
+    text = "the smoothed walk is turned {} of the truth and fits it once turned back (RMSE "
+    assert known(corner(25.0), slow, 90.0)[0].startswith(text.format("25° to the left"))
+    assert known(corner(-120.0), slow, 90.0)[0].startswith(text.format("120° to the right"))
+    assert "0.0 m aligned): truth in another frame" in known(corner(25.0), slow, 90.0)[0]
+    assert len(known(corner(25.0), slow, 90.0)) == 1  # not told a second time by its median leg
+    assert known(corner(19.0), slow, 90.0)[0].startswith("by the truth the smoothed walk is turned 19° to the left")
+    assert "fits it" not in "".join(known(corner(25.0, off_m=5.0), slow, 90.0))
+
+
 def test_a_walk_eight_per_cent_too_long_or_short_is_told() -> None:
     assert known(turned(0.0, 1.079), sigma_m=9.0) == known(turned(0.0, 0.921), sigma_m=9.0) == []
     assert len(known(turned(0.0, 1.083), sigma_m=9.0)) == len(known(turned(0.0, 0.917), sigma_m=9.0)) == 1

@@ -10,7 +10,7 @@ from support.by_hand import way_along
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.run.metrics import Score, checkpoint_errors, leg_errors, score, score_turns
+from fbgraph.run.metrics import Score, checkpoint_errors, fit_to_truth, leg_errors, score, score_turns
 from fbgraph.run.scores import score_entry, score_label
 
 WAY = way_along((0.0, 0.0), (10.0, 0.0), (10.0, 10.0))  # two steps of 0.5 m a second: 1 m/s, 20 s
@@ -35,11 +35,66 @@ def test_errors_as_it_is() -> None:
 
 
 def test_they_are_summed_up() -> None:
-    expected = Score(rmse_m=math.sqrt(12.5), mean_m=3.5, max_m=4.0, final_m=4.0, checkpoints=2)
+    expected = Score(
+        rmse_m=math.sqrt(12.5), mean_m=3.5, max_m=4.0, final_m=4.0, checkpoints=2, final_percent=20.0,
+        ce50_m=3.0, ce75_m=4.0, ce95_m=4.0, third_quartile_m=3.75, growth_m_s=0.2,
+    )  # fmt: skip
     assert asdict(score(WAY, PLACES)) == pytest.approx(asdict(expected))
     other = score(WAY, truth((0, 0, 0), (10, 10, 4), (20, 10, 9)))
     assert (other.max_m, other.final_m, other.mean_m) == pytest.approx((4.0, 1.0, 2.5))
-    assert other.as_dict().keys() == {"rmse_m", "mean_m", "max_m", "final_m", "checkpoints"}
+    assert list(other.as_dict()) == list(asdict(expected))
+
+
+def test_circular_errors_hold_their_share_and_the_quartile_lies_between() -> None:
+    """Twenty places, 1 to 20 m off; the smallest circles with 50, 75 and 95 % of them."""
+    places = truth(
+        (0, 0, 0), *((k, float(WAY.at(np.array([k]))[0, 0]), WAY.at(np.array([k]))[0, 1] + k) for k in range(1, 21))
+    )
+    found = score(WAY, places)
+    assert (found.ce50_m, found.ce75_m, found.ce95_m) == pytest.approx((10.0, 15.0, 19.0))
+    assert found.third_quartile_m == pytest.approx(15.25)
+    assert found.growth_m_s == pytest.approx(1.0)
+    assert found.final_percent == pytest.approx(100.0)
+
+
+def test_a_constant_offset_neither_grows_nor_counts_once_the_walk_agrees() -> None:
+    places = truth((0, 3, 4), (5, 8, 4), (10, 13, 4), (20, 13, 14))
+    assert asdict(score(WAY, places)) == pytest.approx(
+        dict.fromkeys(asdict(score(WAY, places)), 0.0) | {"checkpoints": 3}
+    )
+    as_is = score(WAY, places, alignment="none")
+    assert (as_is.rmse_m, as_is.ce50_m, as_is.ce95_m, as_is.third_quartile_m) == pytest.approx((5.0,) * 4)
+    assert as_is.growth_m_s == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("rate_m_s", [0.05, 0.3])
+def test_an_error_that_grows_does_so_at_its_rate(rate_m_s: float) -> None:
+    at = np.array([2.0, 5.0, 9.0, 16.0, 20.0])
+    x_m, y_m = WAY.at(at)[:, :2].T
+    drifting = truth(*zip(at, x_m + 0.6 * rate_m_s * at, y_m - 0.8 * rate_m_s * at, strict=True))
+    assert score(WAY, drifting).growth_m_s == pytest.approx(rate_m_s)
+    assert score(WAY, drifting, alignment="none").growth_m_s == pytest.approx(rate_m_s)
+
+
+def test_what_cannot_be_divided_is_not_known() -> None:
+    standing = truth((0, 0, 0), (0, 3, 4))
+    found = score(WAY, standing)
+    assert (found.final_percent, found.growth_m_s) == (None, None)
+    assert fit_to_truth(WAY, standing).turn_rad is None
+
+
+@pytest.mark.parametrize("turn_deg", [-170.0, -20.0, 0.0, 35.0, 90.0])
+def test_the_fit_says_how_far_the_walk_is_turned(turn_deg: float) -> None:
+    """Truth turned to the right of a walk has that walk to its left; nothing is left over."""
+    at = np.array([0.0, 5.0, 10.0, 15.0, 20.0])
+    places = WAY.at(at)[:, :2] @ (1.0, 1j) * np.exp(-1j * math.radians(turn_deg)) + (300.0 - 8.0j)
+    fit = fit_to_truth(WAY, truth(*zip(at, places.real, places.imag, strict=True)))
+    assert fit.turn_rad == pytest.approx(math.radians(turn_deg), abs=1e-9)
+    assert fit.rmse_m == pytest.approx(0.0, abs=1e-9)
+    assert fit.spread_m == pytest.approx(math.sqrt((np.abs(places - places.mean()) ** 2).mean()))
+    entry = score_entry(WAY, truth(*zip(at, places.real, places.imag, strict=True)), 0.0, "unaided", "start")
+    assert entry["turned_deg"] == pytest.approx(turn_deg, abs=1e-9)
+    assert entry["aligned_rmse_m"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_best_rigid_fit_turns_and_moves_but_does_not_stretch() -> None:
@@ -168,7 +223,7 @@ def test_how_each_estimator_may_be_scored() -> None:
 
 def test_a_score_is_written_with_the_best_fit_beside_it() -> None:
     entry = score_entry(WAY, PLACES, 0.0, "unaided", "start")
-    assert list(entry) == ["label", "rmse_m", "mean_m", "max_m", "final_m", "checkpoints", "aligned_rmse_m"]
+    assert list(entry) == ["label", *score(WAY, PLACES).as_dict(), "aligned_rmse_m", "turned_deg"]
     assert (entry["label"], entry["rmse_m"], entry["checkpoints"]) == ("unaided", pytest.approx(math.sqrt(12.5)), 2)
     assert entry["aligned_rmse_m"] == pytest.approx(
         math.sqrt((checkpoint_errors(WAY, PLACES, alignment="rigid") ** 2).mean())
