@@ -32,8 +32,17 @@ def _typed_shown() -> Iterator[None]:
         raise
 
 
+_FIRST = ("smooth", "online", "inspect", "guide", "view", "plot", "evaluate", "export", "convert")
+"""Commands that lead the help, in the order of a walk's life."""
+
+
 class _Commands(TyperGroup):
     """All commands."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Their names, what most people want first."""
+        names = super().list_commands(ctx)
+        return [name for name in _FIRST if name in names] + [name for name in names if name not in _FIRST]
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:
         """Parse the options before the command."""
