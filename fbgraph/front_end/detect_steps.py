@@ -19,9 +19,8 @@ from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.leveller import Leveller
 from fbgraph.front_end.step_detector import StepDetector
 from fbgraph.front_end.step_measurement import StepGauge
-from fbgraph.front_end.step_track import Step, StepTrack
+from fbgraph.front_end.step_track import MIN_RATE_HZ, Step, StepTrack
 
-_SLOWEST_HZ = 5.0  # of samples that show steps at 2 Hz
 _SHAKEN_M_S2 = 0.5  # who walks moves a device by about so much
 _PIECE_SAMPLES = 100_000  # levelling takes a kilobyte a sample meanwhile
 
@@ -80,7 +79,7 @@ def _why_none(log: SensorLog, signals: LevelledSignals) -> str:
             f"{left_out} rows were left out, no sensor gives such values: check the columns of accelerometer and "
             "gyroscope and their units"
         )
-    if log.acc.rate_hz < _SLOWEST_HZ:
+    if log.acc.rate_hz < MIN_RATE_HZ:
         return (
             f"the accelerometer runs at {log.acc.rate_hz:.3g} Hz, too slow to show steps: check the unit of the time "
             "column, or record faster"
