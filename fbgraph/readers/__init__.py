@@ -51,6 +51,11 @@ def preset(format_name: str) -> str:
     return log_format(format_name).preset
 
 
+def preset_of(file: LogFile) -> str:
+    """Name of the configuration preset for a device that is worn as this log's was."""
+    return preset(file.log.format) if file.reading is None else file.reading.layout.preset
+
+
 def read_log(
     path: str | Path,
     format_name: str | None = None,

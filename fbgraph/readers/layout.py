@@ -136,7 +136,9 @@ def read_layout(path: Path) -> Layout:
         text = small_file(path, CONFIG_BYTES, "layout").decode("utf-8")
     except (DataError, UnicodeDecodeError) as error:
         raise ConfigError(f"--layout {path}: cannot be read ({error})") from error
-    return validated(Layout, parse_toml(text, f"--layout {path}"), f"--layout {path}")
+    source = f"--layout {path}"
+    keys = "`fbgraph inspect LOG --write-layout FILE` writes a layout with all keys"
+    return validated(Layout, parse_toml(text, source), source, keys)
 
 
 def layout_toml(layout: Layout) -> str:
