@@ -15,7 +15,7 @@ from fbgraph.readers.apply_layout import apply_layout
 from fbgraph.readers.cleaning import LogFile, RawLog, assemble
 from fbgraph.readers.decide import decide
 from fbgraph.readers.formats import TABLE_FORMATS, LogFormat
-from fbgraph.readers.layout import Layout, read_layout
+from fbgraph.readers.layout import SAVED_LAYOUT, Layout, read_layout
 from fbgraph.readers.reading import Reading
 from fbgraph.readers.tagged import TAGGED, reader_of, tagged_reader
 from fbgraph.readers.truth_columns import truth_of
@@ -26,8 +26,6 @@ from fbgraph.tables.table import Table
 
 FORMATS = (*TAGGED, *(known.name for known in TABLE_FORMATS))
 """Names that ``--format`` takes; those of tables are all read alike."""
-SAVED_LAYOUT = "layout.toml"
-"""Beside the raw lines of a live walk: how they were read while it went on."""
 _HEAD_CHARS = 20_000
 
 

@@ -104,7 +104,7 @@ def apply_layout(tables: Sequence[Table], layout: Layout, source: object) -> Raw
             continue
         raw.streams[name] = RawStream(one.t_ns[there], values[there])
         if name in ("mag", "pressure"):
-            raw.streams[name] = drop_repeats(raw.streams[name])
+            raw.streams[name] = drop_repeats(raw.streams[name], stream.repeats)
             if repeats := int(there.sum()) - len(raw.streams[name].t_ns):
                 raw.counts[f"{name}_repeats"] = repeats
     if layout.event is not None:

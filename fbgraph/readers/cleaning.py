@@ -312,15 +312,24 @@ def _saturated(name: str, values: FloatArray) -> tuple[float, int]:
     return rail, int(at_rail.sum())
 
 
-def drop_repeats(stream: RawStream) -> RawStream:
+def are_repeated(values: FloatArray) -> bool:
+    """Whether most samples (N, D) repeat the one before: their sensor was asked more often than it measures."""
+    return len(values) > 1 and bool((values[1:] == values[:-1]).all(axis=1).sum() >= 0.5 * len(values))
+
+
+def drop_repeats(stream: RawStream, repeated: bool | None = None) -> RawStream:
     """One sample per measurement of a sensor that was asked more often than it measures.
 
     Where most samples repeat the one before, only changes are kept, and one sample a second so that a constant
     pressure does not look like a dead sensor.
+
+    Args:
+        stream: of one sensor.
+        repeated: whether to; told by the samples if None.
     """
+    if not (are_repeated(stream.values) if repeated is None else repeated):
+        return stream
     changed = np.ones(len(stream.t_ns), dtype=bool)
     changed[1:] = (stream.values[1:] != stream.values[:-1]).any(axis=1)
-    if changed.mean() > 0.5:
-        return stream
     changed[1:] |= np.diff(stream.t_ns // 1_000_000_000) != 0
     return RawStream(stream.t_ns[changed], stream.values[changed])

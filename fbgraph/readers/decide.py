@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fbgraph.columns.choosing import choose
+from fbgraph.columns.choosing import choose, has_values
 from fbgraph.columns.clock_times import Clock, clock_ns
 from fbgraph.columns.clocks import find_clock
 from fbgraph.columns.column_names import guess_columns
@@ -21,6 +21,7 @@ from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.core.sensor_log import Stream
 from fbgraph.physics.judge_sensors import judge_sensors
 from fbgraph.physics.judgement import Judged, Judgement
+from fbgraph.readers.cleaning import are_repeated
 from fbgraph.readers.formats import format_of
 from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout, axes_of
 from fbgraph.readers.reading import Reading
@@ -63,8 +64,30 @@ def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None
     if judged.acc.gravity_removed:
         raise DataError(f"{source}: {_NO_GRAVITY}")
     layout = _layout(tables, chosen, judged, clocks, widths)
+    for name in layout.streams.keys() & {"mag", "pressure"}:
+        slow = layout.streams[name].model_copy(update={"repeats": are_repeated(samples[name].values)})
+        layout = layout.model_copy(update={name: slow})
     texts = (*chosen.notes, *dict.fromkeys(clock.text for clock in clocks.values() if clock.text), *judged.texts)
     return Reading(layout, guesses, chosen, judged, clocks, texts)
+
+
+def with_expected(reading: Reading, tables: Sequence[Table]) -> Layout:
+    """The layout with what is named but had no value yet, for rows still to come: a field, a pressure, an event.
+
+    Their units and axes are taken as named, for there is nothing yet by which physics could decide.
+    """
+    layout, many = reading.layout, len(tables) > 1
+    found: dict[str, object] = {}
+    for pick, _ in reading.chosen.passed_over:
+        name = pick.quantity
+        if any(has_values(tables[pick.table], column) for column in pick.columns) or name in found:
+            continue
+        if name == "event" and layout.event is None:
+            found[name] = (_table(tables, pick.table, many), _columns(tables, pick)[0])
+        elif name in ("mag", "pressure") and getattr(layout, name) is None and pick.unit:
+            judgement = Judgement(UNITS[name][pick.unit], shown(pick.unit), "name", False)
+            found[name] = _stream(tables, pick, judgement, many).model_copy(update={"repeats": True})
+    return layout.model_copy(update=found)
 
 
 _NO_GRAVITY = (
