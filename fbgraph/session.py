@@ -28,7 +28,7 @@ from fbgraph.front_end.step_track import Step
 from fbgraph.integrity.live_check import LiveCheck
 from fbgraph.pipeline import compose, held_back, reconstruct, require_anchors_within, stand_in, with_places
 from fbgraph.readers.cleaning import LogFile
-from fbgraph.readers.layout import SAVED_LAYOUT, Layout, keep_layout
+from fbgraph.readers.layout import SAVED_LAYOUT, keep_layout
 from fbgraph.readers.live_lines import LiveReader
 from fbgraph.readers.raw_recorder import LineCutter, RawRecorder, cut_torn_line, saved_lines, saved_log
 from fbgraph.run.folder import RAW
@@ -320,7 +320,6 @@ def follow_source(
     recording: bool = True,
     view: WalkViewer | None = None,
     inputs: RunInputs | None = None,
-    layout: Layout | None = None,
 ) -> WalkResult:
     """Follow a live source; every byte is on disk before it is used, and recorded whatever the estimates do.
 
@@ -335,7 +334,6 @@ def follow_source(
         resume: go on from the lines in ``raw.csv``; their steps are not reported again.
         recording: whether the result is to hold beliefs.
         view, inputs: as in ``replay_log``.
-        layout: how its lines are to be read; decided, once they tell it, if None.
 
     Raises:
         ConfigError: nothing can be written there.
@@ -346,7 +344,7 @@ def follow_source(
     raw_path, cutter = place / RAW, LineCutter()
     aids = Aids(closed_walk=told.closed_walk)
     estimates = _LiveEstimates(
-        lambda: (LiveReader(place.name, layout), WalkInProgress(config, aids, recording, view)), raw_path, tell
+        lambda: (LiveReader(place.name), WalkInProgress(config, aids, recording, view)), raw_path, tell
     )
     if resume:
         cut_torn_line(raw_path)
@@ -360,7 +358,7 @@ def follow_source(
     except OSError as error:
         tell(f"recording ended: {raw_path}: {error.strerror or error}; what came before is kept there")
     estimates.feed(cutter.finish(), on_update)
-    log, told = _with_its_truth(saved_log(raw_path, layout), told)
+    log, told = _with_its_truth(saved_log(raw_path), told)
     return estimates.finish(log, config, told, replace(inputs or RunInputs(), log=RAW))
 
 

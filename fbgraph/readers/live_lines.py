@@ -26,7 +26,7 @@ from fbgraph.readers.reading import Reading
 from fbgraph.tables.dialect import LATEST_HEADER, Dialect, find_dialect
 from fbgraph.tables.table import Table
 
-_FIRST_LINES = 100  # a second or so; looked at again whenever twice as many have come
+_FIRST_LINES = 100  # a second or so; looked at again whenever half as many more have come
 _STRAY_LINES = 512  # that are let go when no table has begun in many more
 _MOVING_S, _WAIT_S = 20.0, 120.0  # of movement, and altogether, after which what is likeliest is taken
 _MOVING_M_S2 = 0.5
@@ -139,9 +139,9 @@ class LiveReader:
         return self._chars > _MOST_CHARS
 
     def _look(self) -> None:
-        """Look at the lines waiting, and again when there are twice as many, unless they have told enough."""
+        """Look at the lines waiting, and again when there are half as many more, unless they have told enough."""
         lines = len(self._waiting)
-        self._look_at = 2 * lines
+        self._look_at = lines + lines // 2
         try:
             self._decide(self._waiting, last=lines >= _MOST_WAITING)
         except DataError as error:

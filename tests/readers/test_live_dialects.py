@@ -98,7 +98,7 @@ def assert_same(one: SensorLog, other: SensorLog, within_s: float = 0.0) -> None
 def rows(device_lines: list[str]) -> list[list[str]]:
     found = [line.rstrip("\n").split(",") for line in device_lines]
     for i, row in enumerate(found[1:]):
-        row[-1] = "home" if i in (900, 901, 902, 2000) else ""
+        row[-1] = "home" if i in (3600, 3601, 3602, 3700) else ""
     return found
 
 
@@ -125,6 +125,7 @@ def test_lines_in_any_pieces_are_read_as_their_file_is(written: str, rows: list[
 
 
 def test_rows_of_a_coarse_clock_are_spread_as_they_come(rows: list[list[str]]) -> None:
+    rows = [rows[0], *rows[70:]]
     data = "\n".join(_clocked("time_s", lambda t_ms: t_ms // 1000)(rows)).encode() + b"\n"
     _, log = followed(data, 4000)
     true_s = np.array([int(row[0]) for row in rows[1:]]) / 1000.0
