@@ -84,12 +84,12 @@ def _with_axes(sensor: str, unit: Judgement, voted: Vote) -> Judgement:
     if voted.culprit != sensor:
         if name not in voted.other:
             return unit
-        text = f"accelerometer and gyroscope would agree better if {voted.other}; its axes are kept as named"
+        text = f"axes: kept as named, accelerometer and gyroscope would agree better if {voted.other}"
         return replace(unit, sure=False, text="; ".join(t for t in (unit.text, text) if t))
     mirrored = np.linalg.det(voted.axes) < 0.0
-    text = f"the {name} contradicts the other sensors unless its axes are {told_axes(voted.axes)}: turned so"
+    text = f"{name}: it contradicts the other sensors unless its axes are {told_axes(voted.axes)}: turned so"
     text += " (it was mirrored)" if mirrored else ""
-    text += "; without a magnetometer the other one may be wrong instead" if voted.ambiguous else ""
+    text += ", or the other one is wrong: without a magnetometer nothing tells" if voted.ambiguous else ""
     return replace(
         unit,
         axes=voted.axes,

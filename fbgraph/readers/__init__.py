@@ -19,7 +19,7 @@ from fbgraph.readers.layout import SAVED_LAYOUT, Layout, read_layout
 from fbgraph.readers.reading import Reading
 from fbgraph.readers.tagged import TAGGED, reader_of, tagged_reader
 from fbgraph.readers.truth_columns import truth_of
-from fbgraph.tables import nothing_in, tables_of
+from fbgraph.tables import nothing_in, tables_of, why_none
 from fbgraph.tables.log_text import LogText
 from fbgraph.tables.members import members
 from fbgraph.tables.table import Table
@@ -132,7 +132,7 @@ def _contents(
         if some := tables_of(member):
             tables += some
         else:
-            found.left_out.append((member.source, "no table"))
+            found.left_out.append((member.source, why_none(member)))
     return None, tables, found.left_out
 
 

@@ -147,8 +147,10 @@ def find_column(table: Table, name: str, source: object) -> int:
 
 def stream_values(table: Table, stream: StreamLayout, source: object) -> FloatArray:
     """(N, D) values of a sensor in SI, along the device's axes."""
-    values = table.numbers([find_column(table, name, source) for name in stream.columns]) * stream.scale
-    return values if values.shape[1] == 1 else values @ stream.rotation.T
+    values = table.numbers([find_column(table, name, source) for name in stream.columns])
+    with np.errstate(over="ignore", invalid="ignore"):  # garbled numbers
+        values = values * stream.scale
+        return values if values.shape[1] == 1 else values @ stream.rotation.T
 
 
 def clock_of(table: Table, layout: Layout, source: object) -> Clock:

@@ -16,8 +16,9 @@ from fbgraph.columns.column_names import guess_columns
 from fbgraph.columns.guesses import Chosen, Guess, Pick
 from fbgraph.columns.units import UNITS, shown
 from fbgraph.core.errors import DataError
-from fbgraph.core.geometry import IntArray
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
+from fbgraph.core.safe_text import short_name
 from fbgraph.core.sensor_log import Stream
 from fbgraph.physics.judge_sensors import judge_sensors
 from fbgraph.physics.judgement import Judged, Judgement
@@ -28,6 +29,7 @@ from fbgraph.readers.reading import Reading
 from fbgraph.tables.table import Table
 
 SENSORS = ("acc", "gyro", "mag", "pressure")
+_LARGEST = {"acc": 50.0, "linear_acc": 1e3, "gravity": 50.0, "gyro": 1e4, "mag": 50.0}  # times the usual
 _COMMON_SHARE = 0.01  # of rows, from which a shorter one is a habit of the logger, not a line cut short
 
 
@@ -53,7 +55,7 @@ def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None
     t_ns = {i: clock_ns(tables[i], clock) for i, clock in clocks.items()}
     widths = {i: row_widths(tables[i], guesses[i]) for i in used}
     samples = {
-        name: _samples(tables[pick.table], pick, t_ns[pick.table], widths[pick.table])
+        name: _samples(name, tables[pick.table], pick, t_ns[pick.table], widths[pick.table])
         for name, pick in picks.items()
         if pick.table in clocks and name in (*SENSORS, "linear_acc", "gravity")
     }
@@ -67,7 +69,12 @@ def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None
     for name in layout.streams.keys() & {"mag", "pressure"}:
         slow = layout.streams[name].model_copy(update={"repeats": are_repeated(samples[name].values)})
         layout = layout.model_copy(update={name: slow})
-    texts = (*chosen.notes, *dict.fromkeys(clock.text for clock in clocks.values() if clock.text), *judged.texts)
+    texts = (
+        *_unheaded(tables, guesses, used),
+        *chosen.notes,
+        *dict.fromkeys(clock.text for clock in clocks.values() if clock.text),
+        *judged.texts,
+    )
     return Reading(layout, guesses, chosen, judged, clocks, texts)
 
 
@@ -116,6 +123,24 @@ def _require_inertial(tables: Sequence[Table], chosen: Chosen, source: object) -
         )
 
 
+def _unheaded(tables: Sequence[Table], guesses: Sequence[Sequence[Guess]], used: Sequence[int]) -> list[str]:
+    """What the columns of tables without a header are taken for."""
+    said = []
+    for i in used:
+        if not tables[i].headed:
+            best = {guess.column: guess for guess in reversed(guesses[i])}
+            names = ",".join(_as_name(best[column]) for column in sorted(best))
+            of = f"{short_name(tables[i].name)}: " if len(tables) > 1 else ""
+            said.append(f"{of}no header: columns taken as {names}")
+    return said
+
+
+def _as_name(guess: Guess) -> str:
+    letter = {"acc": "a", "gyro": "g", "mag": "m", "pressure": "p", "time": "t", "temperature": "temp"}
+    name = f"{letter.get(guess.quantity, guess.quantity)}{guess.axis}"
+    return f"{name}_{guess.unit}" if guess.unit else name
+
+
 def _seen(tables: Sequence[Table]) -> str:
     """What columns there are."""
     names = [column.name for table in tables for column in table.columns if column.name]
@@ -147,15 +172,24 @@ def _ends_a_sensor(best: Mapping[int, Guess], width: int) -> bool:
     return not (same and after.axis not in ("", "x"))
 
 
-def _samples(table: Table, pick: Pick, t_ns: IntArray, widths: Sequence[int]) -> Stream:
+def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequence[int]) -> Stream:
     """What a pick's columns hold, in order of time, with the signs that its app is known to need."""
     values = table.numbers(pick.columns)
     good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS) & table.whole(widths)
+    good &= _likely(name, values, good)
     t, values = t_ns[good], values[good] * np.array(pick.signs)
     if len(t) and not (np.diff(t) > 0).all():
         t, first = np.unique(t, return_index=True)
         values = values[first]
     return Stream((t - (t[0] if len(t) else 0)) * 1e-9, values)
+
+
+def _likely(name: str, values: FloatArray, good: BoolArray) -> BoolArray:
+    """Which rows have numbers like the others': one that a garbled line made huge would outweigh a walk's."""
+    size = np.abs(np.where(good[:, None], values, 0.0)).max(axis=1)
+    usual = float(np.median(size[good])) if good.any() else 0.0
+    likely: BoolArray = size <= _LARGEST.get(name, np.inf) * usual
+    return likely if usual > 0.0 else np.ones(len(size), dtype=bool)
 
 
 def _restored(samples: Mapping[str, Stream], picks: Mapping[str, Pick]) -> Stream:
