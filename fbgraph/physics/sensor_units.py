@@ -44,7 +44,8 @@ def judge_accelerometer(acc: Stream, named_scale: float | None = None) -> Judgem
     if not len(norms):
         scale = named_scale or 1.0
         return Judgement(scale, _acc_unit(scale), "name" if named_scale else "assumed", False, 0.0)
-    share = float((means**2).sum() / max(float(squares.sum()), 1e-30))
+    calm = squares <= np.percentile(squares, 95)  # one garbled number may outweigh all the others
+    share = float((means[calm] ** 2).sum() / max(float(squares[calm].sum()), 1e-30))
     restless = squares - norms**2
     quiet = restless <= np.percentile(restless, 25)
     size = float(np.median(norms[quiet]))

@@ -148,9 +148,13 @@ def find_column(table: Table, name: str, source: object) -> int:
 def stream_values(table: Table, stream: StreamLayout, source: object) -> FloatArray:
     """(N, D) values of a sensor in SI, along the device's axes."""
     values = table.numbers([find_column(table, name, source) for name in stream.columns])
-    with np.errstate(over="ignore", invalid="ignore"):  # garbled numbers
+    with np.errstate(over="ignore"):  # garbled numbers
         values = values * stream.scale
-        return values if values.shape[1] == 1 else values @ stream.rotation.T
+    if values.shape[1] == 1:
+        return values
+    order = np.abs(stream.rotation).argmax(axis=1)  # no product of matrices: an empty field would empty all three
+    turned: FloatArray = values[:, order] * stream.rotation.sum(axis=1)
+    return turned
 
 
 def clock_of(table: Table, layout: Layout, source: object) -> Clock:

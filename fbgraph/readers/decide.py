@@ -51,9 +51,10 @@ def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None
     _require_inertial(tables, chosen, source)
     used = sorted({picks[name].table for name in (*SENSORS, "linear_acc", "gravity") if name in picks})
     labels = [table for i, table in enumerate(tables) if i not in used]
-    clocks = {i: find_clock(tables[i], guesses[i], rate_hz, labels) for i in used}
-    t_ns = {i: clock_ns(tables[i], clock) for i, clock in clocks.items()}
     widths = {i: row_widths(tables[i], guesses[i]) for i in used}
+    whole = {i: tables[i] if tables[i].widths is None else tables[i].rows(tables[i].whole(widths[i])) for i in used}
+    clocks = {i: find_clock(whole[i] if len(whole[i]) else tables[i], guesses[i], rate_hz, labels) for i in used}
+    t_ns = {i: clock_ns(tables[i], clock) for i, clock in clocks.items()}
     samples = {
         name: _samples(name, tables[pick.table], pick, t_ns[pick.table], widths[pick.table])
         for name, pick in picks.items()

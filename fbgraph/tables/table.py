@@ -80,11 +80,11 @@ class Table:
         allowed: BoolArray = np.isin(self.widths, (len(self.columns), *widths))
         return allowed
 
-    def rows(self, order: IntArray) -> Table:
+    def rows(self, order: IntArray | BoolArray) -> Table:
         """Some of its rows, in another order.
 
         Args:
-            order: places of the rows wanted.
+            order: places of the rows wanted, or whether each is.
         """
         columns = tuple(replace(column, values=column.values[order]) for column in self.columns)
         return replace(self, columns=columns, widths=None if self.widths is None else self.widths[order])

@@ -135,6 +135,8 @@ def test_python_is_told_as_well(logs: Path, tmp_path: Path) -> None:
 
 
 def test_a_withheld_walk_is_exported_as_another_estimators_and_with_a_warning(withheld: Path) -> None:
-    assert "it was withheld: the gyroscope repeats one sample" in fbgraph("export", withheld, "--to", "csv", code=3).stderr
+    assert (
+        "it was withheld: the gyroscope repeats one sample" in fbgraph("export", withheld, "--to", "csv", code=3).stderr
+    )
     done = fbgraph("export", withheld, "--to", "csv", "--estimator", "ekf")
     assert "Do not rely on this walk: its position is withheld." in done.stderr

@@ -9,8 +9,8 @@ import pytest
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.readers import FORMATS, getsensordata, indoor_location, preset, read_log
-from fbgraph.readers.tagged import TAGGED, tagged_reader
 from fbgraph.readers.cleaning import RawLog
+from fbgraph.readers.tagged import TAGGED, tagged_reader
 
 
 def written(folder: Path, *lines: str) -> Path:
