@@ -22,6 +22,7 @@ from fbgraph.core.safe_text import short_name
 from fbgraph.core.sensor_log import Stream
 from fbgraph.physics.judge_sensors import judge_sensors
 from fbgraph.physics.judgement import Judged, Judgement
+from fbgraph.readers.canonical_csv import noted_preset
 from fbgraph.readers.cleaning import are_repeated
 from fbgraph.readers.formats import format_of
 from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout, axes_of
@@ -226,7 +227,7 @@ def _layout(
     about = format_of(chosen.apps, tables)
     return Layout(
         app=about.name,
-        preset=about.preset,
+        preset=noted_preset(remark for table in tables for remark in table.remarks) or about.preset,
         row_widths=tuple(sorted(set().union(*widths.values()))),
         event=None if event is None else (_table(tables, event.table, many), _columns(tables, event)[0]),
         acc=streams["acc"],
