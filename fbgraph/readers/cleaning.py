@@ -127,6 +127,7 @@ def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None 
         events=tuple(Event((t_ns - t0_ns) / 1e9, label) for t_ns, label in events),
         notices=tuple(notices),
         counts=counts,
+        reading={} if reading is None else reading.noted(),
         **streams,
     )
     return LogFile(log, raw.truth, raw.gnss, reading)

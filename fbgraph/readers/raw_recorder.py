@@ -134,6 +134,7 @@ def saved_log(raw_path: Path, layout: Layout | None = None) -> SensorLog:
         log,
         name=raw_path.parent.name,
         format=reader.format,
+        reading={} if reader.reading is None else reader.reading.noted(),
         t0_s=reader.t0_s,
         notices=(*reader.notices, *missing),
         counts=counts,
