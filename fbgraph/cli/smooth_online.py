@@ -40,7 +40,9 @@ if TYPE_CHECKING:
     from fbgraph.recording.live_view import LiveView
 
 
-@app.command()
+@app.command(
+    epilog="Examples: `fbgraph smooth walk.csv`, `fbgraph smooth phyphox.zip --truth Location.csv --out runs/park`"
+)
 def smooth(
     log: LogArgument,
     out: Annotated[
@@ -86,7 +88,9 @@ def smooth(
     _show(summary, folder, as_json, indent=2)
 
 
-@app.command()
+@app.command(
+    epilog="Examples: `fbgraph online walk.csv --follow`, `fbgraph online --source udp://:5555 --out runs/today --view`"
+)
 def online(
     log: Annotated[
         Path | None, typer.Argument(metavar="[LOG]", help="A log to replay; none with --source.", show_default=False)

@@ -53,16 +53,21 @@ def detect_steps(log: SensorLog, config: Config) -> tuple[StepTrack, LevelledSig
     Raises:
         DataError: no steps in it.
     """
+    steps, signals = found_steps(log, config)
+    if not steps:
+        raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log, signals)}")
+    return StepTrack(carried(steps, config.carrying)), signals
+
+
+def found_steps(log: SensorLog, config: Config) -> tuple[list[Step], LevelledSignals]:
+    """Steps, of which there may be none, and levelled signals of a whole log."""
     front_end = FrontEnd(config)
     steps: list[Step] = []
     levelled: list[LevelledSignals] = []
     for found, signals in (*map(front_end.feed, _pieces(log)), front_end.finish()):
         steps += found
         levelled.append(signals)
-    signals = LevelledSignals.concatenate(levelled)
-    if not steps:
-        raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log, signals)}")
-    return StepTrack(carried(steps, config.carrying)), signals
+    return steps, LevelledSignals.concatenate(levelled)
 
 
 def _pieces(log: SensorLog) -> Iterator[SensorLog]:

@@ -283,7 +283,7 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
             )
     for name, scale, unit in (("acc", 1.0, "m/s²"), ("gyro", 180.0 / np.pi, "°/s")):
         stream, sensor = streams[name], _SENSORS[name]
-        rail, at_rail = _saturated(name, stream.values)
+        rail, at_rail = saturated(name, stream.values)
         _count(counts, f"{name}_saturated", at_rail)
         if at_rail:
             notices.append(
@@ -297,7 +297,7 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
             del streams[name]
 
 
-def _saturated(name: str, values: FloatArray) -> tuple[float, int]:
+def saturated(name: str, values: FloatArray) -> tuple[float, int]:
     """The full scale a sensor ran into, and how many samples are there; (0, 0) if it never did.
 
     A rail shows as the exact extreme of an axis, at or above the narrowest full scale, that occurs three times or more

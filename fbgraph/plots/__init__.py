@@ -1,0 +1,1 @@
+"""Figures of runs, fit for a paper. With the study's figures the only room with matplotlib."""
