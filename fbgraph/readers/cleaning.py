@@ -117,7 +117,9 @@ def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None 
             )
     t0_ns = min(int(clean["acc"].t_ns[0]), int(clean["gyro"].t_ns[0]))
     end_ns = max(int(clean["acc"].t_ns[-1]), int(clean["gyro"].t_ns[-1]))
-    streams = {name: Stream((stream.t_ns - t0_ns) / 1e9, stream.values) for name, stream in clean.items()}
+    streams = {
+        name: Stream((stream.t_ns - t0_ns) / 1e9, np.ascontiguousarray(stream.values)) for name, stream in clean.items()
+    }
     _check(streams, counts, notices, path)
     events = sorted((t_ns, label) for t_ns, label in raw.events if t0_ns <= t_ns <= end_ns)
     log = SensorLog(
@@ -131,6 +133,11 @@ def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None 
         **streams,
     )
     return LogFile(log, raw.truth, raw.gnss, reading)
+
+
+def kept(rows: BoolArray, t_ns: IntArray, values: FloatArray) -> tuple[IntArray, FloatArray]:
+    """These rows of both; both themselves if it is all, for copies of long logs take their time."""
+    return (t_ns, values) if rows.all() else (t_ns[rows], values[rows])
 
 
 def _count(counts: dict[str, int], reason: str, number: int) -> None:
@@ -152,12 +159,13 @@ def _clean(name: str, raw: RawStream, counts: dict[str, int], path: Path) -> Raw
     _count(counts, f"{name}_out_of_range", (finite & ~believable).sum())
     _count(counts, f"{name}_impossible_time", (finite & believable & ~datable).sum())
     keep = finite & believable & datable
-    t_ns, values = t_ns[keep], values[keep]
+    t_ns, values = kept(keep, t_ns, values)
 
     same_t = np.flatnonzero(np.diff(t_ns) == 0)
     again = same_t[(values[same_t] == values[same_t + 1]).all(axis=1)]
     _count(counts, f"{name}_duplicate", len(again))
-    t_ns, values = np.delete(t_ns, again), np.delete(values, again, axis=0)
+    if len(again):
+        t_ns, values = np.delete(t_ns, again), np.delete(values, again, axis=0)
     if len(t_ns) == 0:
         return RawStream(t_ns, values)
 
@@ -171,7 +179,7 @@ def _clean(name: str, raw: RawStream, counts: dict[str, int], path: Path) -> Raw
             "check the time column"
         )
     _count(counts, f"{name}_not_later", (~later).sum())
-    return RawStream(spread_ns[later], values[later])
+    return RawStream(*kept(later, spread_ns, values))
 
 
 def _spread(t_ns: IntArray) -> IntArray:
@@ -249,14 +257,14 @@ def _same_time(clean: dict[str, RawStream], counts: dict[str, int], notices: lis
         margin_ns = 0 if name == "acc" else int(STRAY_GAP_S * 1e9)
         within = (stream.t_ns >= log[0][0] - margin_ns) & (stream.t_ns <= log[-1][-1] + margin_ns)
         _count(counts, f"{name}_stray_time", (~within).sum())
-        cut[name] = RawStream(stream.t_ns[within], stream.values[within])
+        cut[name] = RawStream(*kept(within, stream.t_ns, stream.values))
     return cut
 
 
 def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str], path: Path) -> None:
     """Refuse signals that cannot be a walk, remove sensors that say nothing, and tell the user the rest."""
     acc, gyro = streams["acc"], streams["gyro"]
-    if np.ptp(acc.values, axis=0).max() == 0.0:
+    if (acc.values == acc.values[0]).all():
         raise DataError(f"{path}: the accelerometer never changes; the sensor was stuck or not recording")
     gravity = float(np.median(np.linalg.norm(acc.values, axis=1)))
     if not GRAVITY_M_S2[0] <= gravity <= GRAVITY_M_S2[1]:
@@ -264,7 +272,7 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
             f"{path}: the accelerometer's median magnitude is {gravity:.2f} m/s² where gravity alone is 9.8; "
             "its unit is wrong, or the log has gravity removed (record the raw accelerometer)"
         )
-    if np.ptp(gyro.values, axis=0).max() == 0.0:
+    if (gyro.values == gyro.values[0]).all():
         notices.append("the gyroscope never changes: it was stuck or switched off, turns are not seen")
     if counts.get("acc_time_shared", 0) > 0.01 * len(acc):
         notices.append(
@@ -292,7 +300,7 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
     for name, (sensor, cost) in OPTIONAL_SENSORS.items():
         if name not in streams:
             notices.append(f"no {sensor}: {cost}")
-        elif len(streams[name]) < MIN_SAMPLES or np.ptp(streams[name].values, axis=0).max() == 0.0:
+        elif len(streams[name]) < MIN_SAMPLES or (streams[name].values == streams[name].values[0]).all():
             notices.append(f"{sensor} not used, it has {len(streams[name])} samples or never changes: {cost}")
             del streams[name]
 

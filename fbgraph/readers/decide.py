@@ -23,7 +23,7 @@ from fbgraph.core.sensor_log import Stream
 from fbgraph.physics.judge_sensors import judge_sensors
 from fbgraph.physics.judgement import Judged, Judgement
 from fbgraph.readers.canonical_csv import noted_preset
-from fbgraph.readers.cleaning import are_repeated
+from fbgraph.readers.cleaning import are_repeated, kept
 from fbgraph.readers.formats import format_of
 from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout, axes_of
 from fbgraph.readers.reading import Reading
@@ -179,7 +179,9 @@ def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequen
     values = table.numbers(pick.columns)
     good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS) & table.whole(widths)
     good &= _likely(name, values, good)
-    t, values = t_ns[good], values[good] * np.array(pick.signs)
+    t, values = kept(good, t_ns, values)
+    if (np.array(pick.signs) != 1).any():
+        values = values * np.array(pick.signs)
     if len(t) and not (np.diff(t) > 0).all():
         t, first = np.unique(t, return_index=True)
         values = values[first]
@@ -188,7 +190,7 @@ def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequen
 
 def _likely(name: str, values: FloatArray, good: BoolArray) -> BoolArray:
     """Which rows have numbers like the others': one that a garbled line made huge would outweigh a walk's."""
-    size = np.abs(np.where(good[:, None], values, 0.0)).max(axis=1)
+    size = np.abs(values if good.all() else np.where(good[:, None], values, 0.0)).max(axis=1)
     usual = float(np.median(size[good])) if good.any() else 0.0
     likely: BoolArray = size <= _LARGEST.get(name, np.inf) * usual
     return likely if usual > 0.0 else np.ones(len(size), dtype=bool)

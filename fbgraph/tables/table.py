@@ -66,8 +66,11 @@ class Table:
         Args:
             columns: their places.
         """
-        arrays = [self.columns[i].values for i in columns]
-        return np.column_stack([np.full(len(self), np.nan) if a.dtype == object else a.astype(float) for a in arrays])
+        numbers = np.empty((len(self), len(columns)), order="F")  # many rows of few columns are asked row by row
+        for k, i in enumerate(columns):
+            values = self.columns[i].values
+            numbers[:, k] = np.nan if values.dtype == object else values
+        return numbers
 
     def whole(self, widths: Sequence[int]) -> BoolArray:
         """(N,) which rows have all fields, or as many as are allowed.
