@@ -69,6 +69,7 @@ ROOMS = (
     "recording",
     "study",
     "pipeline",
+    "inspection",
     "session",
     "reruns",
     "api",

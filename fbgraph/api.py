@@ -26,7 +26,7 @@ from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Integrity
 from fbgraph.estimators.estimates import Update
 from fbgraph.pipeline import reconstruct, with_places, write_run
-from fbgraph.readers import preset, read_log
+from fbgraph.readers import preset_of, read_log
 from fbgraph.readers.cleaning import LogFile
 from fbgraph.readers.dataframe import dataframe_lines, read_dataframe
 from fbgraph.readers.live_lines import LiveReader
@@ -138,6 +138,8 @@ def smooth(
     max_size: int | None = None,
     force: bool = False,
     use_gnss: str = "none",
+    layout: str | Path | None = None,
+    rate_hz: float | None = None,
 ) -> Walk:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps.
 
@@ -153,13 +155,15 @@ def smooth(
         max_size: bytes of a log file's text that are read at most; 1 GiB if None.
         use_gnss: which of the log's own GNSS fixes are anchors: ``none`` (they score, unless truth is named),
             ``start``, ``ends`` or ``all``.
+        layout: a file that says what the columns of a log file are, as ``fbgraph inspect --write-layout`` writes it;
+            found by their names and by what they show if None.
+        rate_hz: of the samples, for a log file that has no clock.
         force: give the smoothed trajectory even where the walk's own check withholds it (``Walk.integrity``).
 
     Raises:
         ConfigError: no such preset or key.
         DataError: nothing usable in a file, no step, an anchor outside the log.
     """
-    file = _log_file(log, format_name, max_size)
     told = Told(
         truth=_places(truth),
         anchors=_places(anchors),
@@ -176,9 +180,12 @@ def smooth(
         max_size=max_size,
         forced=force,
         use_gnss=use_gnss,
+        layout=None if layout is None else Path(layout),
+        rate_hz=rate_hz,
     )
+    file = _log_file(log, inputs)
     walk, told = with_places(file, told, inputs)
-    effective = _configuration(config, file.log.format, overrides)
+    effective = _configuration(config, preset_of(file), overrides)
     effective = with_declination(effective, told.place, walk.t0_s, None if inputs.log is None else Path(inputs.log))
     return _walk(reconstruct(walk, effective, told, inputs))
 
@@ -321,15 +328,13 @@ class OnlineSmoother:
         return self._walk.feed(piece)
 
 
-def _log_file(
-    log: str | Path | SensorLog | LogFile | pd.DataFrame, format_name: str | None, max_size: int | None
-) -> LogFile:
+def _log_file(log: str | Path | SensorLog | LogFile | pd.DataFrame, inputs: RunInputs) -> LogFile:
     if isinstance(log, LogFile):
         return log
     if isinstance(log, SensorLog):
         return LogFile(log, None)
     if isinstance(log, str | Path):
-        return read_log(log, format_name, max_size)
+        return read_log(log, inputs.format, inputs.max_size, layout=inputs.layout, rate_hz=inputs.rate_hz)
     return read_dataframe(log)
 
 
@@ -337,12 +342,12 @@ def _places(places: str | Path | Checkpoints | None) -> Checkpoints | None:
     return read_checkpoints(places) if isinstance(places, str | Path) else places
 
 
-def _configuration(config: str | Path | Config | None, format_name: str, overrides: Sequence[str]) -> Config:
+def _configuration(config: str | Path | Config | None, preset: str, overrides: Sequence[str]) -> Config:
     if isinstance(config, Config):
         if overrides:
             raise ConfigError("overrides go with a preset or a file; change a Config with model_copy")
         return config
-    return load_config(config or preset(format_name), overrides)
+    return load_config(config or preset, overrides)
 
 
 def _walk(result: WalkResult) -> Walk:

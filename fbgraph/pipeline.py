@@ -29,7 +29,7 @@ from fbgraph.front_end.detect_steps import detect_steps
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.integrity.assess import assess
-from fbgraph.readers import preset, read_log
+from fbgraph.readers import preset_of, read_log
 from fbgraph.readers.cleaning import LogFile
 from fbgraph.readers.places import gnss_of, read_checkpoints
 from fbgraph.run.folder import RunClaim, write_tables
@@ -74,8 +74,10 @@ def read_walk(
     """
     load_config(config, overrides)
     told = read_told(inputs)
-    log_file = read_log(Path(str(inputs.log)), inputs.format, inputs.max_size)
-    effective = load_config(config or preset(log_file.log.format), overrides)
+    log_file = read_log(
+        Path(str(inputs.log)), inputs.format, inputs.max_size, layout=inputs.layout, rate_hz=inputs.rate_hz
+    )
+    effective = load_config(config or preset_of(log_file), overrides)
     log, told = with_places(log_file, told, inputs)
     effective = with_declination(effective, told.place, log.t0_s, Path(str(inputs.log)))
     return log, effective, told

@@ -14,7 +14,7 @@ import numpy as np
 from fbgraph.core.aids import Aids, Told
 from fbgraph.core.config import Config, dump_toml, load_config
 from fbgraph.core.earth_field import with_declination
-from fbgraph.core.errors import DataError, EstimationError
+from fbgraph.core.errors import ConfigError, DataError, EstimationError
 from fbgraph.core.sensor_log import Event, SensorLog
 from fbgraph.core.tables import read_text
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
@@ -28,6 +28,7 @@ from fbgraph.front_end.step_track import Step
 from fbgraph.integrity.live_check import LiveCheck
 from fbgraph.pipeline import compose, held_back, reconstruct, require_anchors_within, stand_in, with_places
 from fbgraph.readers.cleaning import LogFile
+from fbgraph.readers.layout import SAVED_LAYOUT, keep_layout
 from fbgraph.readers.live_lines import LiveReader
 from fbgraph.readers.raw_recorder import LineCutter, RawRecorder, cut_torn_line, saved_lines, saved_log
 from fbgraph.run.folder import RAW
@@ -169,7 +170,8 @@ class _LiveEstimates:
         self._raw_path = raw_path
         self._tell = tell
         self._restarts = 0
-        self._doubted = ""
+        self._doubted = self._awaited = ""
+        self._kept = False
         self.reader, self.walk = start()
         self.failure: str | None = None
 
@@ -178,7 +180,9 @@ class _LiveEstimates:
         if self.failure is not None or not lines:
             return
         try:
-            self.walk.feed(self.reader.push(lines), on_update)
+            piece = self.reader.push(lines)
+            self._tell_reading()
+            self.walk.feed(piece, on_update)
             self._distrust()
         except Exception as error:  # an estimator that fails never stops a recording
             self._restart(error)
@@ -190,11 +194,28 @@ class _LiveEstimates:
             self._doubted = reasons[0].sentence
             self._tell(f"position doubtful: {self._doubted}")
 
+    def _tell_reading(self) -> None:
+        """Tell once that samples are held back, and then what was decided; keep it beside the lines."""
+        if self.reader.undecided and not self._awaited:
+            self._awaited = self.reader.undecided
+            self._tell(f"deciding how to read it: {self._awaited}; no steps until then, 20 s of walking at most")
+        if self.reader.reading is None or self._kept:
+            return
+        self._kept = True
+        if self._awaited:
+            self._tell(f"decided: {self.reader.told()}")
+        try:
+            keep_layout(self.reader.reading.layout, self._raw_path.parent)
+        except ConfigError as error:  # it would be decided again, from the same lines
+            self._tell(f"{SAVED_LAYOUT}: {_first_line(error)}")
+
     def catch_up(self) -> None:
         """Take the lines that are stored already; their steps are not reported again."""
         try:
             for lines in saved_lines(self._raw_path):
-                self.walk.feed(self.reader.push(lines))
+                piece = self.reader.push(lines)
+                self._tell_reading()
+                self.walk.feed(piece)
         except Exception as error:
             self._give_up(error)
 
@@ -202,7 +223,9 @@ class _LiveEstimates:
         """The finished walk; from the stored lines alone if the estimates had failed."""
         if self.failure is None:
             try:
-                self.walk.feed(self.reader.finish())
+                piece = self.reader.finish()
+                self._tell_reading()
+                self.walk.feed(piece)
                 return self.walk.finish(log, told, inputs)
             except Exception as error:
                 self._give_up(error)
@@ -302,15 +325,15 @@ def follow_source(
 
     Args:
         source: bytes as they arrive; nothing, now and then, while it is silent.
-        place: the run folder, claimed (``claimed_live``); ``raw.csv`` and ``config.toml`` are there from the start.
+        place: the run folder, claimed (``claimed_live``); ``raw.csv`` and ``config.toml`` are there from the start,
+            ``layout.toml`` once it is decided.
         config: the effective configuration.
         told: truth on the device's clock, a closed end, an origin; no anchors, for that clock is not known beforehand.
         on_update: called at each step.
         tell: called with what went wrong meanwhile.
         resume: go on from the lines in ``raw.csv``; their steps are not reported again.
         recording: whether the result is to hold beliefs.
-        view: shows the walk meanwhile.
-        inputs: as in ``WalkResult``.
+        view, inputs: as in ``replay_log``.
 
     Raises:
         ConfigError: nothing can be written there.

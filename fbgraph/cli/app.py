@@ -66,7 +66,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="A walk's log file, .gz or not.", show_default=False)]
+LogArgument = Annotated[
+    Path, typer.Argument(metavar="LOG", help="A walk's log: a file, .gz or not, a folder or a zip.", show_default=False)
+]
 ConfigOption = Annotated[
     str | None,
     typer.Option(
@@ -78,6 +80,19 @@ SetOption = Annotated[
 ]
 FormatOption = Annotated[
     str | None, typer.Option("--format", metavar="NAME", help="Log format; found by content if absent.")
+]
+LayoutOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--layout",
+        metavar="FILE.toml",
+        help="What the columns are, where names and physics do not tell; `fbgraph inspect --write-layout` writes one. "
+        "Example: --layout walk.toml",
+    ),
+]
+RateOption = Annotated[
+    float | None,
+    typer.Option("--rate", metavar="HZ", help="Samples a second, for a log without a clock. Example: --rate 50"),
 ]
 TruthOption = Annotated[
     Path | None,

@@ -95,6 +95,8 @@ def print_summary(summary: dict[str, Any]) -> None:
         f"{name} ({log['format']}): {minutes} min {seconds:02d} s, {summary['steps']} steps, "
         f"{summary['distance_m']:.1f} m, {summary['turns']} turns, {altitude}"
     )
+    for line in reading_lines(log):
+        say(line)
     scores = [entry.get("score") for entry in summary["estimators"].values()]
     rows = []
     for name, entry in summary["estimators"].items():
@@ -116,6 +118,36 @@ def print_summary(summary: dict[str, Any]) -> None:
     say(verdict)
     for reason in reasons:
         say(f"  - {reason}")
+
+
+def reading_lines(log: dict[str, Any]) -> list[str]:
+    """How a log was read and what was assumed, in a line each, from its part of the summary."""
+    reading, rates_hz = log.get("reading") or {}, log["rates_hz"]
+    sensors = reading.get("sensors", {})
+    told = []
+    for name, called in _MEASURED.items():
+        if name not in rates_hz:
+            continue
+        sensor = sensors.get(name)
+        text = called if sensor is None else f"{called} {_column_names(sensor)} in {sensor['unit'] or 'SI'}"
+        if sensor is not None and sensor["axes"] != ["x", "y", "z"]:
+            text += f" along {' '.join(sensor['axes'])}"
+        told.append(f"{text}, {rates_hz[name]:g} Hz")
+    clocks = [", ".join(clock["columns"]) or "evenly spaced rows" for clock in reading.get("clocks", [])]
+    told += [f"time {' and '.join(dict.fromkeys(clocks))}"] if clocks else []
+    lines = [f"read: {'; '.join(told)}"]
+    if reading.get("assumed"):
+        lines.append(f"assumed: {'; '.join(reading['assumed'])}")
+    return lines
+
+
+_MEASURED = {"acc": "acceleration", "gyro": "rotation", "mag": "field", "pressure": "pressure"}
+
+
+def _column_names(sensor: dict[str, Any]) -> str:
+    """``ax_g…``, with its table where there are several."""
+    first, more = short_name(sensor["columns"][0]), "…" if len(sensor["columns"]) > 1 else ""
+    return f"{first}{more}" if sensor["table"] == "*" else f"{short_name(sensor['table'])}/{first}{more}"
 
 
 def _print_return(way_back: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ from fbgraph.core.errors import ConfigError
 from fbgraph.core.whole_writes import whole_file
 
 
-@app.command()
+@app.command(epilog="Examples: `fbgraph view runs/walk`, `fbgraph view runs/a runs/b --save both.rrd`")
 def view(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN|FILE…", help="Run folders or .rrd files.")],
     save: Annotated[
@@ -50,7 +50,7 @@ def view(
             raise ConfigError(f"the Rerun viewer ended with code {code}; without a screen, --web or --save FILE may do")
 
 
-@app.command()
+@app.command(epilog="Example: `fbgraph record runs/walk --log moved/walk.csv`")
 def record(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
     log: Annotated[Path | None, typer.Option(metavar="LOG", help="Where its log is now, if it has moved.")] = None,

@@ -20,7 +20,7 @@ from fbgraph.core.errors import ConfigError
 from fbgraph.core.safe_text import for_json, short_name
 
 
-@app.command()
+@app.command(epilog="Example: `fbgraph simulate walk.csv --route eight --seed 3`")
 def simulate(
     out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="The M5StickC log to write.", show_default=False)],
     route: Annotated[
@@ -57,7 +57,7 @@ def simulate(
         say(f"{key}: {value}")
 
 
-@app.command()
+@app.command(epilog="Example: `fbgraph formats`")
 def formats(as_json: JsonOption = False) -> None:
     """List the log formats that can be read, with an example of each."""
     from fbgraph.readers import FORMATS, log_format
@@ -72,7 +72,7 @@ def formats(as_json: JsonOption = False) -> None:
         say_document(f"{lines}\n", for_reading=True)
 
 
-@app.command()
+@app.command(epilog="Examples: `fbgraph study simulated --trials 6`, `fbgraph study trials.zip --mapping mine.toml`")
 def study(
     dataset: Annotated[
         str,
@@ -132,7 +132,7 @@ def study(
     say(f"written to {folder}")
 
 
-@app.command()
+@app.command(epilog="Example: `fbgraph config --config phone --set steps.min_run=5`")
 def config(config: ConfigOption = None, set_: SetOption = None, as_json: JsonOption = False) -> None:
     """Print the effective configuration as TOML."""
     from fbgraph.core.config import dump_toml, load_config

@@ -18,10 +18,12 @@ from fbgraph.cli.app import (
     ForceOption,
     FormatOption,
     JsonOption,
+    LayoutOption,
     LogArgument,
     MaxSizeOption,
     NoRecordingOption,
     OriginOption,
+    RateOption,
     ReturnAtOption,
     SetOption,
     TruthOption,
@@ -38,7 +40,9 @@ if TYPE_CHECKING:
     from fbgraph.recording.live_view import LiveView
 
 
-@app.command()
+@app.command(
+    epilog="Examples: `fbgraph smooth walk.csv`, `fbgraph smooth phyphox.zip --truth Location.csv --out runs/park`"
+)
 def smooth(
     log: LogArgument,
     out: Annotated[
@@ -47,6 +51,8 @@ def smooth(
     config: ConfigOption = None,
     set_: SetOption = None,
     format_: FormatOption = None,
+    layout: LayoutOption = None,
+    rate: RateOption = None,
     truth: TruthOption = None,
     anchors: AnchorsOption = None,
     use_gnss: UseGnssOption = "none",
@@ -71,7 +77,7 @@ def smooth(
     set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss, layout, rate)
     with progress_bar() as progress:
         progress("read")
         walk, effective, told = read_walk(inputs, config, set_)
@@ -82,7 +88,9 @@ def smooth(
     _show(summary, folder, as_json, indent=2)
 
 
-@app.command()
+@app.command(
+    epilog="Examples: `fbgraph online walk.csv --follow`, `fbgraph online --source udp://:5555 --out runs/today --view`"
+)
 def online(
     log: Annotated[
         Path | None, typer.Argument(metavar="[LOG]", help="A log to replay; none with --source.", show_default=False)
@@ -105,6 +113,8 @@ def online(
     config: ConfigOption = None,
     set_: SetOption = None,
     format_: FormatOption = None,
+    layout: LayoutOption = None,
+    rate: RateOption = None,
     truth: TruthOption = None,
     anchors: AnchorsOption = None,
     use_gnss: UseGnssOption = "none",
@@ -129,15 +139,13 @@ def online(
     folder = _online_folder(log, source, out, resume)
     if resume is not None and (config is not None or set_):
         raise ConfigError("--resume goes on with the walk's own configuration: leave out --config and --set")
-    if source is not None and anchors is not None:
-        raise ConfigError("--anchors needs a LOG: a live device's clock is not known beforehand")
-    if source is not None and use_gnss != "none":
-        raise ConfigError("--use-gnss needs a LOG, with the fixes in it or beside it")
+    if source is not None:
+        _require_live(anchors, use_gnss, layout, rate)
     set_ = [*(set_ or ()), *([f"returning.at={json.dumps(return_at)}"] if return_at is not None else ())]
     load_config(config, set_)  # a wrong option is told before the walk begins
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss)
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss, layout, rate)
     show, pace = _update_printer(follow, as_json), _speed(speed)
     stopping = _stop_on_signals()
     if source is None:
@@ -192,6 +200,20 @@ def _show(summary: dict[str, Any], folder: Path, as_json: bool, indent: int | No
     for name, why in summary["failed"].items():
         anyway = "; --force writes it all the same" if why.startswith("withheld") else ""
         raise EstimationError(f"no {name} trajectory: {why}; what the other estimators found is in {folder}{anyway}")
+
+
+def _require_live(anchors: Path | None, use_gnss: str, layout: Path | None, rate_hz: float | None) -> None:
+    """Refuse what only a log can have.
+
+    Raises:
+        ConfigError: it was asked for.
+    """
+    if anchors is not None:
+        raise ConfigError("--anchors needs a LOG: a live device's clock is not known beforehand")
+    if use_gnss != "none":
+        raise ConfigError("--use-gnss needs a LOG, with the fixes in it or beside it")
+    if layout is not None or rate_hz is not None:
+        raise ConfigError("--layout and --rate need a LOG: a device's lines are read by what they name and show")
 
 
 def _online_folder(log: Path | None, source: str | None, out: Path | None, resume: Path | None) -> Path:

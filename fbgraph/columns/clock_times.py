@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fbgraph.columns.tick_counts import spread, unwrapped, wraps_of
+from fbgraph.columns.tick_counts import SharedTicks, shared_ticks, spread, unwrapped, wraps_of
 from fbgraph.columns.time_texts import DAY_NS, UNREAD, dates_ns, stamps_ns, times_of_day_ns
 from fbgraph.columns.units import UNITS
 from fbgraph.core.geometry import IntArray
@@ -83,7 +83,8 @@ def _times(values: Sequence[NDArray[Any]], clock: Clock) -> IntArray:
 class RunningClock:
     """The same times as ``clock_ns`` gives, for rows that arrive a few at a time.
 
-    Rows of a coarse clock keep the tick that they came with: how many will share it is not known yet.
+    Of a coarse clock the first rows, if they hold three ticks or more, tell how many share one: later rows are spread
+    over theirs as if it had as many.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -91,6 +92,7 @@ class RunningClock:
         self._rows = 0
         self._last: list[NDArray[Any]] = []
         self._last_ns = np.empty(0, dtype=np.int64)
+        self._shared: SharedTicks | None = None
 
     def ns(self, table: Table) -> IntArray:
         """Times (N,) of the rows that came after all others."""
@@ -100,6 +102,7 @@ class RunningClock:
             self._rows += len(table)
             return np.round(rows * clock.tick_ns).astype(np.int64)
         values = [table.columns[i].values for i in clock.columns]
+        begins = not self._last
         if self._last:
             values = [np.concatenate(pair) for pair in zip(self._last, values, strict=True)]
         t_ns, before = _times(values, clock), self._last_ns
@@ -107,7 +110,10 @@ class RunningClock:
         if len(known):  # where the clock began again before these rows, they go on
             t_ns = np.where(np.abs(t_ns) <= MAX_T_NS, t_ns + (before[known[0]] - t_ns[known[0]]), t_ns)
         self._last, self._last_ns = [each[-_TAIL:] for each in values], t_ns[-_TAIL:]
-        return t_ns[len(before) :]
+        came_ns = t_ns[len(before) :]
+        if begins and clock.kind != "samples":
+            self._shared = shared_ticks(came_ns)
+        return came_ns if self._shared is None else self._shared.spread(came_ns)
 
 
 def _spans(clock: Clock) -> tuple[float, ...]:

@@ -30,6 +30,7 @@ _TICKS = ("s", "ms", "us", "ns", "100us", "day")
 _EPOCH_S = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100
 _HMS = ("hour|hours|hh|h|std|stunde|hr", "minute|minutes|min|mins|mm|mi", "second|seconds|sec|secs|ss|s|sek")
 _FEW_ROWS = 20
+_GROWS = 0.99  # of the steps of a counter
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def find_clock(
         assert best is not None
         return best
     if counter is not None and (rate := labelled_rate_hz(table.columns[counter].name, labels)):
-        text = f"no time column: samples {source}, {rate:.4g} Hz by the labels beside"
+        text = f"no time column: {source}, {rate:.4g} Hz by the labels beside"
         return Clock("samples", columns, 1e9 / rate, 0, source, text)
     if trials:
         raise DataError(
@@ -80,7 +81,7 @@ def find_clock(
             f"{table.source}: column {_name(table, unread)} grows like a clock but its name does not say so: name it "
             "like t_ms, say in a layout what it is (--layout FILE), or give the rate of the samples (--rate HZ)"
         )
-    text = f"no time column: samples {source}, assumed {ASSUMED_RATE_HZ:g} Hz; give the true rate with --rate HZ"
+    text = f"no time column: {source}, {ASSUMED_RATE_HZ:g} Hz assumed; give the true rate with --rate HZ"
     return Clock("samples", columns, 1e9 / ASSUMED_RATE_HZ, 0, source, text)
 
 
@@ -171,7 +172,8 @@ def _try_number(table: Table, guess: Guess, inertial: bool) -> _Trial:
     if len(values) > 1 and t.max() == t.min():
         return none(f"is always {values[0]:g}: it tells no time")
     if len(values) > _FEW_ROWS and not progress(t):
-        return none("does not grow from row to row: it tells no time")
+        how = "goes backwards" if (np.diff(t) < 0).mean() > 0.5 else "does not grow"
+        return none(f"{how} from row to row: it tells no time")
     step = step_of(t)
     if not guess.unit and len(values) > _FEW_ROWS and values.dtype.kind == "i" and (np.diff(t) == 1).mean() > 0.97:
         return none("grows by 1 from row to row, like a counter of samples: its unit is unknown")
@@ -212,15 +214,17 @@ def _tick(name: str, unit: str, middle: float, step: float, inertial: bool) -> t
     if not fits:
         bounds = (2.0, 2000.0) if inertial else (0.02, 20.0)
         fits = [tick for tick in ("s", "ms", "us", "ns") if bounds[0] < rate(tick) <= bounds[1]]
+    if not fits:  # places as often as samples
+        fits = [tick for tick in ("s", "ms", "us", "ns") if 2.0 < rate(tick) <= 2000.0]
     if not fits:
         seen = f"{shown(unit)} would be {rate(unit):.3g} Hz" if unit else "no unit makes a rate of sensors of that"
         return "", f"grows by {step:.6g} from row to row: {seen}"
     tick = fits[0]
     if unit:
         seen = f"{rate(unit):.3g} Hz in the {shown(unit)} that it names"
-        return tick, f"column {name} grows by {step:.6g}, {seen}: taken as {shown(tick)} ({rate(tick):.4g} Hz)"
+        return tick, f"{name}: steps of {step:.6g} are {seen}: taken as {shown(tick)} ({rate(tick):.4g} Hz)"
     how = "since 1970" if is_epoch(tick) else f"steps of {step:.6g}"
-    return tick, f"column {name} has no unit: {how}, taken as {shown(tick)} ({rate(tick):.4g} Hz)"
+    return tick, f"{name}: no unit in its name, {how}: taken as {shown(tick)} ({rate(tick):.4g} Hz)"
 
 
 def _try_text(table: Table, clock: Clock, guess: Guess) -> _Trial:
@@ -244,7 +248,7 @@ def _coarse_text(table: Table, clock: Clock) -> str:
     if len(values) < 3 * distinct:
         return ""
     many = len(values) / distinct
-    return f"column {_name(table, clock.columns[-1])} is coarse ({many:.3g} rows a tick): they are spread evenly"
+    return f"{_name(table, clock.columns[-1])}: {many:.3g} rows show the same time: spread evenly over it"
 
 
 def _hms_trials(table: Table) -> list[_Trial]:
@@ -261,14 +265,14 @@ def _hms_trials(table: Table) -> list[_Trial]:
 
 
 def _counter(table: Table, guesses: Sequence[Guess]) -> int | None:
-    """The column that counts samples: whole numbers that grow."""
+    """The column that counts samples: whole numbers that grow, but for a line or two that were garbled."""
     for guess in guesses:
         if guess.quantity == "counter" and guess.weight > 0.4:
             values = table.columns[guess.column].values
-            if values.dtype.kind == "i" and len(values) > 1:
-                counts, _ = unwrapped(values, COUNTS)
-                steps = np.diff(counts)
-                if (steps > 0).all() and np.median(steps) < 10:
+            there = values[np.isfinite(values)] if values.dtype.kind in "if" else values[:0]
+            if len(there) > 1 and (there == np.rint(there)).all():
+                steps = np.diff(unwrapped(there, COUNTS)[0])
+                if (steps > 0).mean() >= _GROWS and np.median(steps) < 10:
                     return guess.column
     return None
 

@@ -139,3 +139,40 @@ def spread(t_ns: IntArray) -> IntArray:
     place = np.arange(len(t_ns)) - np.repeat(starts, counts) + np.repeat(before, counts)
     within: IntArray = (np.repeat(lengths, counts) * place) // np.repeat(rows, counts)
     return t_ns + within
+
+
+class SharedTicks:
+    """Spreads the rows of each tick of a coarse clock over it as they arrive.
+
+    Args:
+        rows: that a tick usually has.
+        tick_ns: from tick to tick.
+        first: rows of the first tick, of which the last were seen.
+    """
+
+    def __init__(self, rows: int, tick_ns: int, first: int) -> None:
+        self._rows = rows
+        self._tick_ns = tick_ns
+        self._row = max(rows - first, 0)
+        self._now: int | None = None
+
+    def spread(self, t_ns: IntArray) -> IntArray:
+        """Times (N,) of the rows that came after all others; one too many for its tick still comes before the next."""
+        spread_ns = []
+        for now in t_ns.tolist():
+            if self._now is not None and now != self._now:
+                self._row = 0
+            self._now = now
+            spread_ns.append(now + self._tick_ns * self._row // max(self._rows, self._row + 1))
+            self._row += 1
+        return np.array(spread_ns, dtype=np.int64)
+
+
+def shared_ticks(t_ns: IntArray) -> SharedTicks | None:
+    """How rows share the ticks of a coarse clock, of which these times (N,) are the first; None if it is fine."""
+    starts = np.flatnonzero(np.diff(t_ns, prepend=t_ns[:1] - 1))
+    if len(starts) < 3 or len(t_ns) < _COARSE_ROWS * len(starts):
+        return None
+    counts, ticks = np.diff(starts), np.diff(t_ns[starts])
+    usual = int(np.median(counts[1:]))
+    return SharedTicks(usual, int(np.median(ticks[ticks > 0])) if (ticks > 0).any() else 0, int(counts[0]))

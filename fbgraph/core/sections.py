@@ -22,8 +22,15 @@ _SHOWN = reprlib.Repr()
 _SHOWN.maxstring = _SHOWN.maxother = 80
 
 
-def validated(model: type[SectionT], values: Mapping[str, Any], source: str) -> SectionT:
-    """Validate a nested mapping as a table of the configuration.
+def validated(
+    model: type[SectionT], values: Mapping[str, Any], source: str, keys: str = "`fbgraph config` prints all keys"
+) -> SectionT:
+    """Validate a nested mapping as a table of the configuration, or as another one.
+
+    Args:
+        values: as TOML has them.
+        source: for messages.
+        keys: where all keys can be seen.
 
     Raises:
         ConfigError: naming ``source`` and the dotted path of what is wrong.
@@ -34,5 +41,9 @@ def validated(model: type[SectionT], values: Mapping[str, Any], source: str) -> 
         first = error.errors()[0]
         path = ".".join(str(part) for part in first["loc"])
         if first["type"] == "extra_forbidden":
-            raise ConfigError(f"{source}: unknown key {path!r}; `fbgraph config` prints all keys") from error
+            raise ConfigError(f"{source}: unknown key {path!r}; {keys}") from error
+        if first["type"] == "missing":
+            raise ConfigError(f"{source}: {path}: missing; {keys}") from error
+        if not path:  # of keys that do not go together
+            raise ConfigError(f"{source}: {first['msg'].removeprefix('Value error, ')}") from error
         raise ConfigError(f"{source}: {path}: {first['msg']} (got {_SHOWN.repr(first['input'])})") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -64,6 +65,7 @@ class SensorLog:
         events: in order of time.
         notices: what the reader wants the user to know (assumed units, missing sensors, ...).
         counts: rows read, dropped and repaired, by reason.
+        reading: which columns of which tables were taken for what, for ``summary.json``; empty where the format tells.
     """
 
     name: str
@@ -76,6 +78,7 @@ class SensorLog:
     events: tuple[Event, ...] = ()
     notices: tuple[str, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
+    reading: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def duration_s(self) -> float:

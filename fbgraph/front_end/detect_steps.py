@@ -19,9 +19,8 @@ from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.leveller import Leveller
 from fbgraph.front_end.step_detector import StepDetector
 from fbgraph.front_end.step_measurement import StepGauge
-from fbgraph.front_end.step_track import Step, StepTrack
+from fbgraph.front_end.step_track import MIN_RATE_HZ, Step, StepTrack
 
-_SLOWEST_HZ = 5.0  # of samples that show steps at 2 Hz
 _SHAKEN_M_S2 = 0.5  # who walks moves a device by about so much
 _PIECE_SAMPLES = 100_000  # levelling takes a kilobyte a sample meanwhile
 
@@ -54,16 +53,21 @@ def detect_steps(log: SensorLog, config: Config) -> tuple[StepTrack, LevelledSig
     Raises:
         DataError: no steps in it.
     """
+    steps, signals = found_steps(log, config)
+    if not steps:
+        raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log, signals)}")
+    return StepTrack(carried(steps, config.carrying)), signals
+
+
+def found_steps(log: SensorLog, config: Config) -> tuple[list[Step], LevelledSignals]:
+    """Steps, of which there may be none, and levelled signals of a whole log."""
     front_end = FrontEnd(config)
     steps: list[Step] = []
     levelled: list[LevelledSignals] = []
     for found, signals in (*map(front_end.feed, _pieces(log)), front_end.finish()):
         steps += found
         levelled.append(signals)
-    signals = LevelledSignals.concatenate(levelled)
-    if not steps:
-        raise DataError(f"{log.name}: no step found in {log.duration_s:.1f} s; {_why_none(log, signals)}")
-    return StepTrack(carried(steps, config.carrying)), signals
+    return steps, LevelledSignals.concatenate(levelled)
 
 
 def _pieces(log: SensorLog) -> Iterator[SensorLog]:
@@ -80,7 +84,7 @@ def _why_none(log: SensorLog, signals: LevelledSignals) -> str:
             f"{left_out} rows were left out, no sensor gives such values: check the columns of accelerometer and "
             "gyroscope and their units"
         )
-    if log.acc.rate_hz < _SLOWEST_HZ:
+    if log.acc.rate_hz < MIN_RATE_HZ:
         return (
             f"the accelerometer runs at {log.acc.rate_hz:.3g} Hz, too slow to show steps: check the unit of the time "
             "column, or record faster"

@@ -10,6 +10,8 @@ import numpy as np
 
 from fbgraph.core.geometry import FloatArray
 
+MIN_RATE_HZ = 12.5
+"""Slower samples do not show every step: four for each of 3.2 steps a second, the quickest that are told."""
 LOOK_BACK_S = 12.0
 """Past signals that finding and measuring a step may look at."""
 FIRST_LOOK_BACK_S = 2.0 * LOOK_BACK_S

@@ -25,6 +25,7 @@ from fbgraph.integrity.sensor_checks import (
     noisy_sensors,
     silent_sensors,
     sparse_samples,
+    too_slow,
 )
 from fbgraph.integrity.solution_checks import (
     factors_beyond_their_sigmas,
@@ -41,6 +42,7 @@ SENSED_CHECKS: tuple[SensedCheck, ...] = (
     cut_off_values,
     noisy_sensors,
     sparse_samples,
+    too_slow,
     clock_set,
     gravitys_size,
     gravity_against_gyroscope,

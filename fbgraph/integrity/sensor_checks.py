@@ -14,6 +14,7 @@ from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import Stream
 from fbgraph.core.units import STANDARD_GRAVITY_M_S2
 from fbgraph.core.verdict import Reason
+from fbgraph.front_end.step_track import MIN_RATE_HZ
 from fbgraph.integrity.compass_checks import compass_against_gyroscope
 from fbgraph.integrity.evidence import UNKNOWN_TURN_RAD, Doubt, Sensed, stepping, stretched_m, turned_m
 
@@ -39,6 +40,7 @@ _SETTLED_S = 5.0  # levelling itself takes its time constant
 _NOISE = {"acc": 2.5, "gyro": 0.5}  # of a sample, SI; undisturbed: 0.46 and 0.075
 _NOISE_RATE_HZ = 25.0  # slower, and a step itself changes as much from sample to sample
 _SPARSE_S, _SPARSE_SHARE = (0.15, 0.5), 0.2  # between samples: a step's peak is missed; a gap is told otherwise
+_FIRST = 10.0  # told before what follows from it
 _LATE_S = 0.4  # of samples left out as they came too late; 30 ms of jitter leave out half of that
 _CORNER_RAD_S = 0.5  # somebody who walks round a corner may turn like this, one sigma
 _STUCK_S = 5.0  # even lying on a table a sensor shows its noise
@@ -143,6 +145,17 @@ def sparse_samples(walk: Sensed) -> list[Doubt]:
         sigma_m = stretched_m(walk.track, min(share, 0.5)) + turned_m(walk.track, 0.3 * share)
         found.append(Doubt(Reason(NAMES[name], share / _SPARSE_SHARE, text, advice), sigma_m))
     return found
+
+
+def too_slow(walk: Sensed) -> list[Doubt]:
+    """Samples so far apart that no rhythm can be told from another: what is counted then may be anything."""
+    rate_hz = walk.log.acc.rate_hz
+    if not rate_hz < MIN_RATE_HZ:
+        return []
+    text = f"the accelerometer runs at {rate_hz:.3g} Hz, too slow for steps"
+    advice = "record at 20 Hz or more, or check the unit of the time column"
+    weight = _FIRST * MIN_RATE_HZ / rate_hz
+    return [Doubt(Reason(NAMES["acc"], weight, text, advice), withhold=True)]
 
 
 def clock_set(walk: Sensed) -> list[Doubt]:

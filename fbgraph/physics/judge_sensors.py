@@ -12,7 +12,7 @@ from fbgraph.physics.magnetometer_axes import judge_gravity_sign, judge_magnetom
 from fbgraph.physics.sensor_axes import Turning, Vote, told_axes, vote
 from fbgraph.physics.sensor_units import judge_accelerometer, judge_gyroscope_unit, judge_pressure
 
-_LONG_S, _PIECES = 600.0, 60  # of a longer log so many pieces of ten seconds are looked at
+_LONG_S, _PIECES, _PIECE_S = 600.0, 30, 10.0  # of a longer log so many pieces of so many seconds are looked at
 _NAMES = {"acc": "accelerometer", "gyro": "gyroscope"}
 
 
@@ -69,10 +69,10 @@ def _pieces(acc: Stream, gyro: Stream, mag: Stream | None) -> tuple[Stream, Stre
     start_s = float(acc.t_s[0]) if len(acc) else 0.0
     if end_s - start_s <= _LONG_S:
         return acc, gyro, mag
-    starts_s = np.linspace(start_s, end_s - _LONG_S / _PIECES, _PIECES)
+    starts_s = np.linspace(start_s, end_s - _PIECE_S, _PIECES)
 
     def thinned(stream: Stream) -> Stream:
-        pieces = [stream.between(t_s, t_s + _LONG_S / _PIECES) for t_s in starts_s]
+        pieces = [stream.between(t_s, t_s + _PIECE_S) for t_s in starts_s]
         return Stream(np.concatenate([p.t_s for p in pieces]), np.concatenate([p.values for p in pieces]))
 
     return thinned(acc), thinned(gyro), None if mag is None else thinned(mag)
@@ -84,12 +84,12 @@ def _with_axes(sensor: str, unit: Judgement, voted: Vote) -> Judgement:
     if voted.culprit != sensor:
         if name not in voted.other:
             return unit
-        text = f"accelerometer and gyroscope would agree better if {voted.other}; its axes are kept as named"
+        text = f"axes: kept as named, accelerometer and gyroscope would agree better if {voted.other}"
         return replace(unit, sure=False, text="; ".join(t for t in (unit.text, text) if t))
     mirrored = np.linalg.det(voted.axes) < 0.0
-    text = f"the {name} contradicts the other sensors unless its axes are {told_axes(voted.axes)}: turned so"
+    text = f"{name}: it contradicts the other sensors unless its axes are {told_axes(voted.axes)}: turned so"
     text += " (it was mirrored)" if mirrored else ""
-    text += "; without a magnetometer the other one may be wrong instead" if voted.ambiguous else ""
+    text += ", or the other one is wrong: without a magnetometer nothing tells" if voted.ambiguous else ""
     return replace(
         unit,
         axes=voted.axes,

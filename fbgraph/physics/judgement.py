@@ -65,7 +65,8 @@ class Judged:
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """What there is to say."""
+        """What there is to say, a clause each."""
         found = (self.acc, self.gyro, self.mag, self.pressure)
-        texts = tuple(judgement.text for judgement in found if judgement is not None and judgement.text)
-        return texts if self.axes_told else (*texts, "the device turned too little to tell whether axes are as named")
+        clauses = (clause for judgement in found if judgement is not None for clause in judgement.text.split("; "))
+        texts = tuple(clause for clause in clauses if clause)
+        return texts if self.axes_told else (*texts, "axes: taken as named, the device turned too little to tell")

@@ -22,6 +22,7 @@ _EARTH_UT = 45.0
 _FIELD_UT = (18.0, 110.0)  # with iron in the device and around
 _IMPOSSIBLE_UT = (6.0, 200.0)  # once the iron in the device is solved
 _SCALED_UT = 50.0
+_SWALLOWED = 0.1  # of the strength: what is left of it if all is taken for the iron in the device
 _CLEAR_DIP = 0.25  # its sine
 _FACE_DOWN = 0.5  # of gravity
 _ALWAYS = 0.9
@@ -84,17 +85,17 @@ def judge_magnetometer(vote: Vote, seen: Field, mag: Stream, named_scale: float 
     unit = _unit(seen, mag, vote, named_scale)
     if vote.culprit != "mag":
         if seen.down < -_CLEAR_DIP:
-            text = "the magnetic field points out of the ground, as it does only south of the magnetic equator"
+            text = "magnetic field: it points out of the ground, as only south of the magnetic equator"
             return replace(unit, sure=False, text=_joined(unit.text, text))
         doubt = vote.other if "gyroscope" not in vote.other and "accelerometer" not in vote.other else ""
-        text = f"the sensors would agree better if {doubt}; they are kept as named" if doubt else ""
+        text = f"axes: kept as named, the sensors would agree better if {doubt}" if doubt else ""
         return replace(unit, sure=unit.sure and not doubt, text=_joined(unit.text, text))
     clear = abs(seen.down) > _CLEAR_DIP
     axes = vote.axes if seen.down > 0.0 else -vote.axes
     if not clear:
         axes = _known(vote.axes)
     chip = next((name for name, told in CHIPS.items() if ", ".join(told) == told_axes(axes)), "")
-    text = f"the magnetometer turns with the gyroscope only if its axes are {told_axes(axes)}"
+    text = f"magnetometer: it turns with the gyroscope only if its axes are {told_axes(axes)}"
     text += f", as an {chip}'s are" if chip else ""
     text += ": turned so" if clear else ", or all of these negated: turned so"
     return replace(
@@ -121,26 +122,31 @@ def _unit(seen: Field, mag: Stream, vote: Vote, named_scale: float | None) -> Ju
     sizes = np.array((seen.size, seen.raw_size))
     fits = [u for u, scale in _UNITS.items() if ((_FIELD_UT[0] < sizes * scale) & (sizes * scale < _FIELD_UT[1])).any()]
     nearest = min(_UNITS, key=lambda unit: abs(np.log(max(seen.size, 1e-30) * _UNITS[unit] / _EARTH_UT)))
-    strength = f"the magnetometer reads {seen.raw_size:.4g}, {seen.size:.4g} without the iron in the device"
+    swallowed = seen.size < _SWALLOWED * seen.raw_size  # the field does not turn with the gyroscope
+    strength = f"{seen.raw_size:.3g}" + ("" if swallowed else f", {seen.size:.3g} without the device's iron")
     if named_scale is not None:
         named = next((unit for unit, s in _UNITS.items() if np.isclose(s, named_scale)), f"{named_scale:.4g} µT")
         possible = _IMPOSSIBLE_UT[0] < seen.size * named_scale < _IMPOSSIBLE_UT[1]
         if possible or nearest not in fits:
             likely = _IMPOSSIBLE_UT[0] < seen.raw_size * named_scale < _IMPOSSIBLE_UT[1]
-            text = "" if likely else f"{strength}, in {named} as it is named much more or less than Earth's 22 to 67 µT"
+            text = "" if likely else f"magnetic field: {strength}, in {named} as named far from Earth's 22 to 67 µT"
             return Judgement(named_scale, named, "name", likely, text=text)
-        text = f"{strength}, which is no field of Earth's in {named}, as it is named: taken as {nearest}"
+        text = f"magnetic field: {strength}, no field of Earth's in {named} as named: taken as {nearest}"
         return Judgement(_UNITS[nearest], nearest, "physics", True, text=text)
-    text = f"the magnetometer's unit is not named: {strength}"
-    inside = _FIELD_UT[0] < seen.size * _UNITS[nearest] < _FIELD_UT[1]
+    text = f"magnetic field: no unit in its name, {strength}"
+    size = seen.raw_size if swallowed else seen.size
+    nearest = min(_UNITS, key=lambda unit: abs(np.log(max(size, 1e-30) * _UNITS[unit] / _EARTH_UT)))
+    inside = _FIELD_UT[0] < size * _UNITS[nearest] < _FIELD_UT[1]
     whole = bool((mag.values[:2000] == np.rint(mag.values[:2000])).all())
-    if nearest in fits and not (whole and nearest in ("gauss", "mT", "T")):
-        return Judgement(_UNITS[nearest], nearest, "physics", inside, text=f"{text}; taken as {nearest}")
+    if (inside if swallowed else nearest in fits) and not (whole and nearest in ("gauss", "mT", "T")):
+        return Judgement(
+            _UNITS[nearest], nearest, "physics", inside and not swallowed, text=f"{text}: taken as {nearest}"
+        )
     if whole and _FIELD_UT[0] < seen.size * _AK_UT < _FIELD_UT[1] and vote.culprit == "mag":
         unit = f"raw counts of {_AK_UT} µT"
-        return Judgement(_AK_UT, unit, "physics", True, text=f"{text}; taken as {unit}")
-    scale = _SCALED_UT / max(seen.size, 1e-9)
-    return Judgement(scale, "raw counts", "assumed", False, 0.0, f"{text}; scaled to {_SCALED_UT:.0f} µT")
+        return Judgement(_AK_UT, unit, "physics", True, text=f"{text}: taken as {unit}")
+    scale = _SCALED_UT / max(size, 1e-9)
+    return Judgement(scale, "raw counts", "assumed", False, 0.0, f"{text}: scaled to {_SCALED_UT:.0f} µT")
 
 
 def judge_gravity_sign(acc: Stream, seen: Field | None) -> Judgement:
@@ -162,13 +168,12 @@ def judge_gravity_sign(acc: Stream, seen: Field | None) -> Judgement:
     if float((mean[:, 2] < -_FACE_DOWN * STANDARD_GRAVITY_M_S2).mean()) < _ALWAYS:
         return kept
     if seen is not None and seen.down < -_CLEAR_DIP:
-        text = "the device lies face down all the way, and the magnetic field points into the sky: "
-        text += "the accelerometer's sign is taken to be iOS's (down is positive) and turned"
+        text = "accelerometer: face down all the way under a field that points into the sky: its sign is iOS's, turned"
         return replace(kept, by="physics", axes=-np.eye(3), margin=abs(seen.down) / _CLEAR_DIP, text=text)
-    text = "the device lies face down all the way; if it did not, the accelerometer's sign is iOS's (down is positive)"
+    text = "accelerometer: face down all the way, or its sign is iOS's and turns come out mirrored"
     if seen is not None and seen.down > _CLEAR_DIP:  # the field agrees with it
-        return replace(kept, text="the device lies face down all the way")
-    return replace(kept, by="assumed", sure=False, text=f"{text}, and turns come out mirrored")
+        return replace(kept, text="accelerometer: face down all the way")
+    return replace(kept, by="assumed", sure=False, text=text)
 
 
 def _joined(*texts: str) -> str:

@@ -32,6 +32,7 @@ Culprit = Literal["none", "acc", "gyro", "mag"]
 
 LEAVE_SIGMAS = 2.5  # by which names must be beaten; of right ones on 105 real logs: at most 1.9
 _AMONG_SIGMAS, _CHIP_SIGMAS = 2.0, 1.0  # by which the runner-up must be; less for what a known chip explains
+_CLEARLY_SIGMAS = 5.0  # by which names are beaten where a known chip needs to be no better than the runner-up
 _TWO_SIGMAS = 1.5  # from which two sensors may be wrong, and nothing is done
 _DOUBT_SIGMAS = 2.0  # from which something is said
 _SURE_SIGMAS = 1.0
@@ -136,7 +137,9 @@ def vote(turning: Turning, scale: float) -> Vote:
     alone = (int(costs[0].sum(axis=1).argmin()), int(costs[1].sum(axis=1).argmin()))
     if field is not None and 0 not in alone and gain(costs, best[1:], alone) > _TWO_SIGMAS:
         return Vote("none", np.eye(3), False, 0.0, against, "the axes of more than one sensor are not as named")
-    needed = _CHIP_SIGMAS if found.culprit == "mag" and chip_of(found.axes) else _AMONG_SIGMAS
+    needed = _AMONG_SIGMAS
+    if found.culprit == "mag" and chip_of(found.axes):  # who only turns left and right turns a gyroscope as well so
+        needed = _CHIP_SIGMAS if against < _CLEARLY_SIGMAS else 0.0
     if against < LEAVE_SIGMAS or among < needed:
         other = f"{_SENSORS[found.culprit]} is {told_axes(found.axes)}" if against >= _DOUBT_SIGMAS else ""
         return Vote("none", np.eye(3), False, 0.0, against, other)

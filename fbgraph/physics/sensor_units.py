@@ -44,7 +44,8 @@ def judge_accelerometer(acc: Stream, named_scale: float | None = None) -> Judgem
     if not len(norms):
         scale = named_scale or 1.0
         return Judgement(scale, _acc_unit(scale), "name" if named_scale else "assumed", False, 0.0)
-    share = float((means**2).sum() / max(float(squares.sum()), 1e-30))
+    calm = squares <= np.percentile(squares, 95)  # one garbled number may outweigh all the others
+    share = float((means[calm] ** 2).sum() / max(float(squares[calm].sum()), 1e-30))
     restless = squares - norms**2
     quiet = restless <= np.percentile(restless, 25)
     size = float(np.median(norms[quiet]))
@@ -59,11 +60,11 @@ def judge_accelerometer(acc: Stream, named_scale: float | None = None) -> Judgem
     if named_scale is not None:
         if _factor(size * named_scale) <= _FAR:
             return Judgement(named_scale, _acc_unit(named_scale), "name", True)
-        text = f"the accelerometer shows {seen}, which is no gravity in {_acc_unit(named_scale)}, as it is named"
+        text = f"acceleration: {seen}, no gravity in {_acc_unit(named_scale)} as named"
         if not fits:
             return Judgement(named_scale, _acc_unit(named_scale), "name", False, 0.0, text)
         return Judgement(units[nearest], nearest, "physics", True, text=f"{text}: taken as {nearest}")
-    text = f"the accelerometer's unit is not named: {seen}, taken as {nearest}"
+    text = f"acceleration: no unit in its name, {seen}: taken as {nearest}"
     return Judgement(units[nearest], nearest, "physics" if fits else "assumed", fits, text=text)
 
 
@@ -86,12 +87,12 @@ def judge_pressure(values: FloatArray, named_scale: float | None = None) -> Judg
         unit = next((unit for unit, scale in units.items() if np.isclose(scale, named_scale)), "as named")
         return Judgement(named_scale, unit, "name", True)
     found = next((unit for unit, scale in units.items() if air(scale)), None)
-    seen = f"the barometer reads {middle:.6g} in the middle"
+    seen = f"{middle:.6g} in the middle"
     if found is None:
-        return Judgement(float("nan"), "", "physics", True, text=f"{seen}, which is no air pressure: not used")
-    why = "has no unit in its name" if named_scale is None else "cannot be in the unit of its name"
+        return Judgement(float("nan"), "", "physics", True, text=f"pressure: {seen} is no air pressure: not used")
+    why = "no unit in its name" if named_scale is None else "not in the unit of its name"
     sure = middle * units[found] > _HIGH_HPA
-    return Judgement(units[found], found, "physics", sure, text=f"{seen} and {why}: taken as {found}")
+    return Judgement(units[found], found, "physics", sure, text=f"pressure: {why}, {seen}: taken as {found}")
 
 
 def judge_gyroscope_unit(turning: Turning, acc: Stream, gyro: Stream, named_scale: float | None = None) -> Judgement:
@@ -110,12 +111,14 @@ def judge_gyroscope_unit(turning: Turning, acc: Stream, gyro: Stream, named_scal
     whole = _whole(gyro.values) and fast > 30.0
     units = _gyro_units(whole)
     possible = {unit: scale for unit, scale in units.items() if least <= fast * scale <= _FASTEST_RAD_S}
-    seen = f"a tenth of the gyroscope's turns are faster than {fast:.3g}"
+    seen = f"a tenth above {fast:.3g}"
     named = _gyro_unit(named_scale) if named_scale is not None else ""
     if named_scale is not None:
         allowed = least <= fast * named_scale <= _FASTEST_RAD_S
         if (not allowed and not possible) or not fast:
-            return Judgement(named_scale, named, "name", False, 0.0, "" if allowed else f"{seen}, unlikely in {named}")
+            return Judgement(
+                named_scale, named, "name", False, 0.0, "" if allowed else f"turn rates: {seen}, unlikely in {named}"
+            )
         if allowed:
             possible[named] = named_scale
     best, margin = _best_fit(turning, possible)
@@ -124,15 +127,15 @@ def judge_gyroscope_unit(turning: Turning, acc: Stream, gyro: Stream, named_scal
     if named_scale is not None and best == named:
         return Judgement(named_scale, named, "name", True, margin)
     if named_scale is not None:
-        text = f"{seen}, which does not go with {named}, as it is named: taken as {best}"
+        text = f"turn rates: {seen}, impossible in {named} as named: taken as {best}"
         return Judgement(possible[best], best, "physics", True, margin, text)
-    text = f"the gyroscope's unit is not named: {seen}"
+    text = f"turn rates: no unit in their names, {seen}"
     if best and margin >= _SURE_SIGMAS and (moving or np.isfinite(margin)):
-        return Judgement(possible[best], best, "physics", True, margin, f"{text}; taken as {best}")
+        return Judgement(possible[best], best, "physics", True, margin, f"{text}: taken as {best}")
     if not (whole and best):  # of counts that which fits best, sure or not
         usual = ("rad/s", "°/s") if moving else ("°/s", "rad/s")
         best = next((unit for unit in usual if unit in possible), best or "°/s")
-    return Judgement(units[best], best, "assumed", False, margin, f"{text}; {best} assumed")
+    return Judgement(units[best], best, "assumed", False, margin, f"{text}: {best} assumed")
 
 
 def _best_fit(turning: Turning, possible: dict[str, float]) -> tuple[str, float]:

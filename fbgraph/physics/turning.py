@@ -185,16 +185,17 @@ def residuals(rotations: FloatArray, vector: FloatArray, free: str, prior: float
 
 def _solve(moved: FloatArray, design: FloatArray, prior: float, floor: float) -> Residuals:
     """Reweighted least squares of ``moved = design @ free`` for every hypothesis at once."""
+    flat = design.reshape(len(moved), -1, 3)
     free = np.zeros((len(moved), 3))
     size = np.linalg.norm(moved, axis=-1)
     for _ in range(_ROUNDS):
         spread = np.maximum(np.median(size, axis=1), floor)[:, None]
         weight = 1.0 / (spread**2 + size**2)
-        weighted = design * weight[..., None, None]
-        normal = np.einsum("hwij,hwik->hjk", weighted, design) + np.eye(3) / prior**2
-        right = np.einsum("hwij,hwi->hj", weighted, moved)
-        free = np.linalg.solve(normal, right[..., None])[..., 0]
-        size = np.linalg.norm(moved - np.einsum("hwij,hj->hwi", design, free), axis=-1)
+        weighted = (design * weight[..., None, None]).reshape(flat.shape).swapaxes(1, 2)
+        normal, right = weighted @ flat + np.eye(3) / prior**2, weighted @ moved.reshape(len(moved), -1, 1)
+        solved = np.linalg.solve(normal, right)
+        free = solved[..., 0]
+        size = np.linalg.norm(moved - (flat @ solved).reshape(moved.shape), axis=-1)
     return Residuals(size, free)
 
 

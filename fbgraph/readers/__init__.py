@@ -8,6 +8,7 @@ mislead is one entry in ``columns.app_layouts``, and one in ``readers.formats`` 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from fbgraph.core.errors import ConfigError, DataError
@@ -15,19 +16,17 @@ from fbgraph.readers.apply_layout import apply_layout
 from fbgraph.readers.cleaning import LogFile, RawLog, assemble
 from fbgraph.readers.decide import decide
 from fbgraph.readers.formats import TABLE_FORMATS, LogFormat
-from fbgraph.readers.layout import Layout, read_layout
+from fbgraph.readers.layout import SAVED_LAYOUT, Layout, read_layout
 from fbgraph.readers.reading import Reading
 from fbgraph.readers.tagged import TAGGED, reader_of, tagged_reader
 from fbgraph.readers.truth_columns import truth_of
-from fbgraph.tables import nothing_in, tables_of
+from fbgraph.tables import nothing_in, tables_of, why_none
 from fbgraph.tables.log_text import LogText
 from fbgraph.tables.members import members
 from fbgraph.tables.table import Table
 
 FORMATS = (*TAGGED, *(known.name for known in TABLE_FORMATS))
 """Names that ``--format`` takes; those of tables are all read alike."""
-SAVED_LAYOUT = "layout.toml"
-"""Beside the raw lines of a live walk: how they were read while it went on."""
 _HEAD_CHARS = 20_000
 
 
@@ -49,6 +48,11 @@ def log_format(name: str) -> LogFormat:
 def preset(format_name: str) -> str:
     """Name of the configuration preset for the devices that write this format."""
     return log_format(format_name).preset
+
+
+def preset_of(file: LogFile) -> str:
+    """Name of the configuration preset for a device that is worn as this log's was."""
+    return preset(file.log.format) if file.reading is None else file.reading.layout.preset
 
 
 def read_log(
@@ -75,14 +79,55 @@ def read_log(
     path = Path(path)
     if format_name is not None:
         log_format(format_name)
-    laid_out = _layout_beside(path) if layout is None else read_layout(Path(layout))
-    tagged, tables, left_out = _contents(path, format_name, max_size)
-    if tagged is not None:
-        name, raw = tagged
-        return assemble(raw, path, name)
-    raw, reading = read_table_log(tables, path, laid_out, rate_hz, left_out)
+    laid_out = layout_of(path, layout)
+    return log_of(contents(path, format_name, max_size), format_name, laid_out, rate_hz)
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What an input holds: the log of a tagged format, else tables.
+
+    Attributes:
+        source: the file, folder or zip.
+        tagged: name of the format, and its log.
+        tables: in the order of their names.
+        left_out: files that hold none, and why.
+    """
+
+    source: Path
+    tagged: tuple[str, RawLog] | None
+    tables: list[Table]
+    left_out: list[tuple[str, str]]
+
+
+def layout_of(path: Path, layout: str | Path | None = None) -> Layout | None:
+    """The layout that a log is to be read by: the one that is named, or that of the live walk whose lines it holds.
+
+    Raises:
+        ConfigError: it cannot be read, or is none.
+    """
+    return _layout_beside(path) if layout is None else read_layout(Path(layout))
+
+
+def log_of(
+    found: Contents, format_name: str | None = None, laid_out: Layout | None = None, rate_hz: float | None = None
+) -> LogFile:
+    """The log of what was found.
+
+    Args:
+        found: as ``contents`` gives it.
+        format_name, rate_hz: as of ``read_log``.
+        laid_out: as ``layout_of`` gives it.
+
+    Raises:
+        DataError: nothing usable; the message says why.
+    """
+    if found.tagged is not None:
+        name, raw = found.tagged
+        return assemble(raw, found.source, name)
+    raw, reading = read_table_log(found.tables, found.source, laid_out, rate_hz, found.left_out)
     named = reading.layout.app if format_name in (None, *TAGGED) else str(format_name)
-    return assemble(raw, path, named, reading)
+    return assemble(raw, found.source, named, reading)
 
 
 def read_table_log(
@@ -109,10 +154,12 @@ def read_table_log(
     return raw, reading
 
 
-def _contents(
-    path: Path, format_name: str | None, max_size: int | None
-) -> tuple[tuple[str, RawLog] | None, list[Table], list[tuple[str, str]]]:
-    """The log of the first file of a tagged format, if there is one and no other was asked for; or all tables."""
+def contents(path: Path, format_name: str | None = None, max_size: int | None = None) -> Contents:
+    """The log of the first file of a tagged format, if there is one and no other was asked for; or all tables.
+
+    Raises:
+        DataError: it cannot be read, or is larger than allowed.
+    """
     found = members(path, max_size)
     asked = TAGGED if format_name is None else tuple(name for name in TAGGED if name == format_name)
     tables: list[Table] = []
@@ -125,12 +172,12 @@ def _contents(
         if name is not None:
             raw: RawLog = reader_of(name).read(member.text)
             _note_long_lines(raw, member.text)
-            return (name, raw), [], found.left_out
+            return Contents(path, (name, raw), [], found.left_out)
         if some := tables_of(member):
             tables += some
         else:
-            found.left_out.append((member.source, "no table"))
-    return None, tables, found.left_out
+            found.left_out.append((member.source, why_none(member)))
+    return Contents(path, None, tables, found.left_out)
 
 
 def _note_long_lines(raw: RawLog, text: LogText) -> None:

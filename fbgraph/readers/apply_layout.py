@@ -11,8 +11,8 @@ from fbgraph.columns.clock_times import Clock, RunningClock, clock_ns
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
-from fbgraph.readers.cleaning import LIMITS, RawLog, RawStream, drop_repeats
-from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout
+from fbgraph.readers.cleaning import LIMITS, RawLog, RawStream, drop_repeats, kept
+from fbgraph.readers.layout import ANY, AXES, ClockLayout, Layout, StreamLayout
 from fbgraph.readers.restarts import continue_restarts, little_disorder
 from fbgraph.tables.table import Table
 
@@ -102,9 +102,9 @@ def apply_layout(tables: Sequence[Table], layout: Layout, source: object) -> Raw
         there = one.good & ~np.isnan(values).all(axis=1)
         if not there.any():
             continue
-        raw.streams[name] = RawStream(one.t_ns[there], values[there])
+        raw.streams[name] = RawStream(*kept(there, one.t_ns, values))
         if name in ("mag", "pressure"):
-            raw.streams[name] = drop_repeats(raw.streams[name])
+            raw.streams[name] = drop_repeats(raw.streams[name], stream.repeats)
             if repeats := int(there.sum()) - len(raw.streams[name].t_ns):
                 raw.counts[f"{name}_repeats"] = repeats
     if layout.event is not None:
@@ -147,8 +147,14 @@ def find_column(table: Table, name: str, source: object) -> int:
 
 def stream_values(table: Table, stream: StreamLayout, source: object) -> FloatArray:
     """(N, D) values of a sensor in SI, along the device's axes."""
-    values = table.numbers([find_column(table, name, source) for name in stream.columns]) * stream.scale
-    return values if values.shape[1] == 1 else values @ stream.rotation.T
+    values = table.numbers([find_column(table, name, source) for name in stream.columns])
+    with np.errstate(over="ignore"):  # garbled numbers
+        values = values * stream.scale
+    if values.shape[1] == 1 or stream.axes == AXES:
+        return values
+    order = np.abs(stream.rotation).argmax(axis=1)  # no product of matrices: an empty field would empty all three
+    turned: FloatArray = values[:, order] * stream.rotation.sum(axis=1)
+    return turned
 
 
 def clock_of(table: Table, layout: Layout, source: object) -> Clock:
@@ -233,7 +239,7 @@ def _usable(
 def _texts(table: Table, column: int) -> list[tuple[int, str]]:
     """Rows of a column that hold something, as text."""
     values = table.columns[column].values
-    filled = np.flatnonzero([value is not None for value in values] if values.dtype == object else np.isfinite(values))
+    filled = np.flatnonzero(values.astype(bool) if values.dtype == object else np.isfinite(values))
     texts = (
         (row, str(values[row]).strip() if values.dtype == object else f"{values[row]:g}") for row in filled.tolist()
     )

@@ -2,21 +2,82 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from fbgraph.columns.column_names import CANONICAL
+from fbgraph.core.checkpoints import Checkpoints
+from fbgraph.core.errors import ConfigError
 from fbgraph.core.geometry import IntArray
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
+from fbgraph.core.whole_writes import whole_file
 
 _COLUMNS = {"acc": (1, STANDARD_GRAVITY_M_S2), "gyro": (4, DEGREE_RAD), "mag": (7, 1.0), "pressure": (10, 1.0)}
 _MS_NS = 1_000_000
 _DIGITS = "%.9g"  # as many as a single-precision sensor value has
 
 
-def write_canonical_csv(log: SensorLog, path: Path) -> int:
+_NOTED = "converted by fbgraph from {format}; preset {preset}"
+_PRESET = re.compile(r"^converted by fbgraph from \w+; preset (phone|m5stickc)$")
+
+
+def noted_preset(remarks: Iterable[str]) -> Literal["phone", "m5stickc"] | None:
+    """The configuration for the device whose log was converted, as a remark of the table says it; None if none does."""
+    noted = next((found[1] for remark in remarks if (found := _PRESET.match(remark))), None)
+    return None if noted is None else "phone" if noted == "phone" else "m5stickc"
+
+
+def convert_log(log: SensorLog, truth: Checkpoints | None, preset: str, out: Path, force: bool = False) -> list[Path]:
+    """Write a log as a canonical CSV, and the truth that it carries beside it; each whole or not at all.
+
+    Args:
+        log: any.
+        truth: of the log, on its clock; None if there is none.
+        preset: of the configuration for the device that wrote it; noted, so that the CSV is smoothed alike.
+        out: the file; the truth's is ``OUT_truth.csv``.
+        force: replace what is there.
+
+    Returns:
+        The files that were written.
+
+    Raises:
+        ConfigError: one of them is there already, or cannot be written.
+    """
+    files = [out] if truth is None or not len(truth) else [out, out.with_name(f"{out.stem}_truth.csv")]
+    for path in files:
+        if path.exists() and not force:
+            raise ConfigError(f"{path}: is there already; --force replaces it")
+    with whole_file(out, make_parents=True) as partial:
+        write_canonical_csv(log, partial, _NOTED.format(format=log.format, preset=preset))
+    if truth is not None and len(files) > 1:
+        with whole_file(files[1], make_parents=True) as partial:
+            write_places_csv(truth, partial)
+    return files
+
+
+def write_places_csv(places: Checkpoints, path: Path) -> None:
+    """Write known places as ``readers.places`` reads them; latitudes and longitudes beside, where they are known.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    import pandas as pd  # here, because it takes a second to import
+
+    columns = {"t_s": places.t_s, "x_m": places.x_m, "y_m": places.y_m, "z_m": places.z_m}
+    columns |= {"floor": places.floor, "sigma_m": places.sigma_m}
+    if places.georeference is not None:
+        columns["lat_deg"], columns["lon_deg"] = places.georeference.geodetic_deg(places.xy_m).T
+    known = {name: values for name, values in columns.items() if np.isfinite(values).any()}
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        pd.DataFrame(known).to_csv(file, index=False, float_format="%.16g", lineterminator="\n")
+
+
+def write_canonical_csv(log: SensorLog, path: Path, remark: str = "") -> int:
     """Write a log as CSV, one row for every moment at which any sensor was sampled; returns how many.
 
     A row holds what was sampled at that moment and leaves the rest empty. Times are the log's own clock, to the
@@ -25,6 +86,7 @@ def write_canonical_csv(log: SensorLog, path: Path) -> int:
     Args:
         log: any log; its events go into the row nearest in time.
         path: the file.
+        remark: of its first line; no line if empty.
 
     Raises:
         OSError: the file cannot be written.
@@ -51,5 +113,6 @@ def write_canonical_csv(log: SensorLog, path: Path) -> int:
     if not whole_ms:
         table = table.rename(columns={names[0]: "t_ns"})
     with open(path, "w", encoding="utf-8", newline="") as out:
+        out.write(f"# {remark}\n" if remark else "")
         table.to_csv(out, index=False, float_format=_DIGITS, lineterminator="\n")
     return len(table)

@@ -117,7 +117,9 @@ def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None 
             )
     t0_ns = min(int(clean["acc"].t_ns[0]), int(clean["gyro"].t_ns[0]))
     end_ns = max(int(clean["acc"].t_ns[-1]), int(clean["gyro"].t_ns[-1]))
-    streams = {name: Stream((stream.t_ns - t0_ns) / 1e9, stream.values) for name, stream in clean.items()}
+    streams = {
+        name: Stream((stream.t_ns - t0_ns) / 1e9, np.ascontiguousarray(stream.values)) for name, stream in clean.items()
+    }
     _check(streams, counts, notices, path)
     events = sorted((t_ns, label) for t_ns, label in raw.events if t0_ns <= t_ns <= end_ns)
     log = SensorLog(
@@ -127,9 +129,15 @@ def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None 
         events=tuple(Event((t_ns - t0_ns) / 1e9, label) for t_ns, label in events),
         notices=tuple(notices),
         counts=counts,
+        reading={} if reading is None else reading.noted(),
         **streams,
     )
     return LogFile(log, raw.truth, raw.gnss, reading)
+
+
+def kept(rows: BoolArray, t_ns: IntArray, values: FloatArray) -> tuple[IntArray, FloatArray]:
+    """These rows of both; both themselves if it is all, for copies of long logs take their time."""
+    return (t_ns, values) if rows.all() else (t_ns[rows], values[rows])
 
 
 def _count(counts: dict[str, int], reason: str, number: int) -> None:
@@ -151,12 +159,13 @@ def _clean(name: str, raw: RawStream, counts: dict[str, int], path: Path) -> Raw
     _count(counts, f"{name}_out_of_range", (finite & ~believable).sum())
     _count(counts, f"{name}_impossible_time", (finite & believable & ~datable).sum())
     keep = finite & believable & datable
-    t_ns, values = t_ns[keep], values[keep]
+    t_ns, values = kept(keep, t_ns, values)
 
     same_t = np.flatnonzero(np.diff(t_ns) == 0)
     again = same_t[(values[same_t] == values[same_t + 1]).all(axis=1)]
     _count(counts, f"{name}_duplicate", len(again))
-    t_ns, values = np.delete(t_ns, again), np.delete(values, again, axis=0)
+    if len(again):
+        t_ns, values = np.delete(t_ns, again), np.delete(values, again, axis=0)
     if len(t_ns) == 0:
         return RawStream(t_ns, values)
 
@@ -170,7 +179,7 @@ def _clean(name: str, raw: RawStream, counts: dict[str, int], path: Path) -> Raw
             "check the time column"
         )
     _count(counts, f"{name}_not_later", (~later).sum())
-    return RawStream(spread_ns[later], values[later])
+    return RawStream(*kept(later, spread_ns, values))
 
 
 def _spread(t_ns: IntArray) -> IntArray:
@@ -248,14 +257,14 @@ def _same_time(clean: dict[str, RawStream], counts: dict[str, int], notices: lis
         margin_ns = 0 if name == "acc" else int(STRAY_GAP_S * 1e9)
         within = (stream.t_ns >= log[0][0] - margin_ns) & (stream.t_ns <= log[-1][-1] + margin_ns)
         _count(counts, f"{name}_stray_time", (~within).sum())
-        cut[name] = RawStream(stream.t_ns[within], stream.values[within])
+        cut[name] = RawStream(*kept(within, stream.t_ns, stream.values))
     return cut
 
 
 def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str], path: Path) -> None:
     """Refuse signals that cannot be a walk, remove sensors that say nothing, and tell the user the rest."""
     acc, gyro = streams["acc"], streams["gyro"]
-    if np.ptp(acc.values, axis=0).max() == 0.0:
+    if (acc.values == acc.values[0]).all():
         raise DataError(f"{path}: the accelerometer never changes; the sensor was stuck or not recording")
     gravity = float(np.median(np.linalg.norm(acc.values, axis=1)))
     if not GRAVITY_M_S2[0] <= gravity <= GRAVITY_M_S2[1]:
@@ -263,7 +272,7 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
             f"{path}: the accelerometer's median magnitude is {gravity:.2f} m/s² where gravity alone is 9.8; "
             "its unit is wrong, or the log has gravity removed (record the raw accelerometer)"
         )
-    if np.ptp(gyro.values, axis=0).max() == 0.0:
+    if (gyro.values == gyro.values[0]).all():
         notices.append("the gyroscope never changes: it was stuck or switched off, turns are not seen")
     if counts.get("acc_time_shared", 0) > 0.01 * len(acc):
         notices.append(
@@ -282,7 +291,7 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
             )
     for name, scale, unit in (("acc", 1.0, "m/s²"), ("gyro", 180.0 / np.pi, "°/s")):
         stream, sensor = streams[name], _SENSORS[name]
-        rail, at_rail = _saturated(name, stream.values)
+        rail, at_rail = saturated(name, stream.values)
         _count(counts, f"{name}_saturated", at_rail)
         if at_rail:
             notices.append(
@@ -291,12 +300,12 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
     for name, (sensor, cost) in OPTIONAL_SENSORS.items():
         if name not in streams:
             notices.append(f"no {sensor}: {cost}")
-        elif len(streams[name]) < MIN_SAMPLES or np.ptp(streams[name].values, axis=0).max() == 0.0:
+        elif len(streams[name]) < MIN_SAMPLES or (streams[name].values == streams[name].values[0]).all():
             notices.append(f"{sensor} not used, it has {len(streams[name])} samples or never changes: {cost}")
             del streams[name]
 
 
-def _saturated(name: str, values: FloatArray) -> tuple[float, int]:
+def saturated(name: str, values: FloatArray) -> tuple[float, int]:
     """The full scale a sensor ran into, and how many samples are there; (0, 0) if it never did.
 
     A rail shows as the exact extreme of an axis, at or above the narrowest full scale, that occurs three times or more
@@ -312,15 +321,24 @@ def _saturated(name: str, values: FloatArray) -> tuple[float, int]:
     return rail, int(at_rail.sum())
 
 
-def drop_repeats(stream: RawStream) -> RawStream:
+def are_repeated(values: FloatArray) -> bool:
+    """Whether most samples (N, D) repeat the one before: their sensor was asked more often than it measures."""
+    return len(values) > 1 and bool((values[1:] == values[:-1]).all(axis=1).sum() >= 0.5 * len(values))
+
+
+def drop_repeats(stream: RawStream, repeated: bool | None = None) -> RawStream:
     """One sample per measurement of a sensor that was asked more often than it measures.
 
     Where most samples repeat the one before, only changes are kept, and one sample a second so that a constant
     pressure does not look like a dead sensor.
+
+    Args:
+        stream: of one sensor.
+        repeated: whether to; told by the samples if None.
     """
+    if not (are_repeated(stream.values) if repeated is None else repeated):
+        return stream
     changed = np.ones(len(stream.t_ns), dtype=bool)
     changed[1:] = (stream.values[1:] != stream.values[:-1]).any(axis=1)
-    if changed.mean() > 0.5:
-        return stream
     changed[1:] |= np.diff(stream.t_ns // 1_000_000_000) != 0
     return RawStream(stream.t_ns[changed], stream.values[changed])

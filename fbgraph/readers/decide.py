@@ -9,24 +9,28 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fbgraph.columns.choosing import choose
+from fbgraph.columns.choosing import choose, has_values
 from fbgraph.columns.clock_times import Clock, clock_ns
 from fbgraph.columns.clocks import find_clock
 from fbgraph.columns.column_names import guess_columns
 from fbgraph.columns.guesses import Chosen, Guess, Pick
 from fbgraph.columns.units import UNITS, shown
 from fbgraph.core.errors import DataError
-from fbgraph.core.geometry import IntArray
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
+from fbgraph.core.safe_text import short_name
 from fbgraph.core.sensor_log import Stream
 from fbgraph.physics.judge_sensors import judge_sensors
 from fbgraph.physics.judgement import Judged, Judgement
+from fbgraph.readers.canonical_csv import noted_preset
+from fbgraph.readers.cleaning import are_repeated, kept
 from fbgraph.readers.formats import format_of
 from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout, axes_of
 from fbgraph.readers.reading import Reading
 from fbgraph.tables.table import Table
 
 SENSORS = ("acc", "gyro", "mag", "pressure")
+_LARGEST = {"acc": 50.0, "linear_acc": 1e3, "gravity": 50.0, "gyro": 1e4, "mag": 50.0}  # times the usual
 _COMMON_SHARE = 0.01  # of rows, from which a shorter one is a habit of the logger, not a line cut short
 
 
@@ -48,11 +52,12 @@ def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None
     _require_inertial(tables, chosen, source)
     used = sorted({picks[name].table for name in (*SENSORS, "linear_acc", "gravity") if name in picks})
     labels = [table for i, table in enumerate(tables) if i not in used]
-    clocks = {i: find_clock(tables[i], guesses[i], rate_hz, labels) for i in used}
-    t_ns = {i: clock_ns(tables[i], clock) for i, clock in clocks.items()}
     widths = {i: row_widths(tables[i], guesses[i]) for i in used}
+    whole = {i: tables[i] if tables[i].widths is None else tables[i].rows(tables[i].whole(widths[i])) for i in used}
+    clocks = {i: find_clock(whole[i] if len(whole[i]) else tables[i], guesses[i], rate_hz, labels) for i in used}
+    t_ns = {i: clock_ns(tables[i], clock) for i, clock in clocks.items()}
     samples = {
-        name: _samples(tables[pick.table], pick, t_ns[pick.table], widths[pick.table])
+        name: _samples(name, tables[pick.table], pick, t_ns[pick.table], widths[pick.table])
         for name, pick in picks.items()
         if pick.table in clocks and name in (*SENSORS, "linear_acc", "gravity")
     }
@@ -63,8 +68,35 @@ def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None
     if judged.acc.gravity_removed:
         raise DataError(f"{source}: {_NO_GRAVITY}")
     layout = _layout(tables, chosen, judged, clocks, widths)
-    texts = (*chosen.notes, *dict.fromkeys(clock.text for clock in clocks.values() if clock.text), *judged.texts)
+    for name in layout.streams.keys() & {"mag", "pressure"}:
+        slow = layout.streams[name].model_copy(update={"repeats": are_repeated(samples[name].values)})
+        layout = layout.model_copy(update={name: slow})
+    texts = (
+        *_unheaded(tables, guesses, used),
+        *chosen.notes,
+        *dict.fromkeys(clock.text for clock in clocks.values() if clock.text),
+        *judged.texts,
+    )
     return Reading(layout, guesses, chosen, judged, clocks, texts)
+
+
+def with_expected(reading: Reading, tables: Sequence[Table]) -> Layout:
+    """The layout with what is named but had no value yet, for rows still to come: a field, a pressure, an event.
+
+    Their units and axes are taken as named, for there is nothing yet by which physics could decide.
+    """
+    layout, many = reading.layout, len(tables) > 1
+    found: dict[str, object] = {}
+    for pick, _ in reading.chosen.passed_over:
+        name = pick.quantity
+        if any(has_values(tables[pick.table], column) for column in pick.columns) or name in found:
+            continue
+        if name == "event" and layout.event is None:
+            found[name] = (_table(tables, pick.table, many), _columns(tables, pick)[0])
+        elif name in ("mag", "pressure") and getattr(layout, name) is None and pick.unit:
+            judgement = Judgement(UNITS[name][pick.unit], shown(pick.unit), "name", False)
+            found[name] = _stream(tables, pick, judgement, many).model_copy(update={"repeats": True})
+    return layout.model_copy(update=found)
 
 
 _NO_GRAVITY = (
@@ -91,6 +123,24 @@ def _require_inertial(tables: Sequence[Table], chosen: Chosen, source: object) -
             f"{source}: no gyroscope: {_seen(tables)}; a walk cannot be reconstructed without one: "
             "log it too, or name its columns like gx_dps,gy_dps,gz_dps"
         )
+
+
+def _unheaded(tables: Sequence[Table], guesses: Sequence[Sequence[Guess]], used: Sequence[int]) -> list[str]:
+    """What the columns of tables without a header are taken for."""
+    said = []
+    for i in used:
+        if not tables[i].headed:
+            best = {guess.column: guess for guess in reversed(guesses[i])}
+            names = ",".join(_as_name(best[column]) for column in sorted(best))
+            of = f"{short_name(tables[i].name)}: " if len(tables) > 1 else ""
+            said.append(f"{of}no header: columns taken as {names}")
+    return said
+
+
+def _as_name(guess: Guess) -> str:
+    letter = {"acc": "a", "gyro": "g", "mag": "m", "pressure": "p", "time": "t", "temperature": "temp"}
+    name = f"{letter.get(guess.quantity, guess.quantity)}{guess.axis}"
+    return f"{name}_{guess.unit}" if guess.unit else name
 
 
 def _seen(tables: Sequence[Table]) -> str:
@@ -124,15 +174,26 @@ def _ends_a_sensor(best: Mapping[int, Guess], width: int) -> bool:
     return not (same and after.axis not in ("", "x"))
 
 
-def _samples(table: Table, pick: Pick, t_ns: IntArray, widths: Sequence[int]) -> Stream:
+def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequence[int]) -> Stream:
     """What a pick's columns hold, in order of time, with the signs that its app is known to need."""
     values = table.numbers(pick.columns)
     good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS) & table.whole(widths)
-    t, values = t_ns[good], values[good] * np.array(pick.signs)
+    good &= _likely(name, values, good)
+    t, values = kept(good, t_ns, values)
+    if (np.array(pick.signs) != 1).any():
+        values = values * np.array(pick.signs)
     if len(t) and not (np.diff(t) > 0).all():
         t, first = np.unique(t, return_index=True)
         values = values[first]
     return Stream((t - (t[0] if len(t) else 0)) * 1e-9, values)
+
+
+def _likely(name: str, values: FloatArray, good: BoolArray) -> BoolArray:
+    """Which rows have numbers like the others': one that a garbled line made huge would outweigh a walk's."""
+    size = np.abs(values if good.all() else np.where(good[:, None], values, 0.0)).max(axis=1)
+    usual = float(np.median(size[good])) if good.any() else 0.0
+    likely: BoolArray = size <= _LARGEST.get(name, np.inf) * usual
+    return likely if usual > 0.0 else np.ones(len(size), dtype=bool)
 
 
 def _restored(samples: Mapping[str, Stream], picks: Mapping[str, Pick]) -> Stream:
@@ -168,7 +229,7 @@ def _layout(
     about = format_of(chosen.apps, tables)
     return Layout(
         app=about.name,
-        preset=about.preset,
+        preset=noted_preset(remark for table in tables for remark in table.remarks) or about.preset,
         row_widths=tuple(sorted(set().union(*widths.values()))),
         event=None if event is None else (_table(tables, event.table, many), _columns(tables, event)[0]),
         acc=streams["acc"],

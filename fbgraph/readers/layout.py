@@ -18,11 +18,14 @@ from fbgraph.core.config_text import parse_toml
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sections import Section, validated
+from fbgraph.core.whole_writes import whole_file
 
 Name = Annotated[str, Field(max_length=300)]
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 ANY = "*"
 """As the name of a table: the only one, whatever it is called."""
+SAVED_LAYOUT = "layout.toml"
+"""Beside the raw lines of a live walk: how they were read while it went on."""
 AXES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
 
 
@@ -36,6 +39,8 @@ class StreamLayout(Section):
         scale: what a number is multiplied by: to m/s², rad/s, µT, hPa.
         axes: which of the columns, turned or not, points along the device's x, y and z: ``["x", "-y", "-z"]``.
         gravity: where gravity is, if it was taken out of these and is to be put back.
+        repeats: whether it measures less often than there are rows, which repeat its last value; told by the values if
+            nothing is said.
     """
 
     table: Name = ANY
@@ -44,6 +49,7 @@ class StreamLayout(Section):
     scale: Annotated[float, Field(gt=0.0, le=1e6)]
     axes: tuple[Axis, Axis, Axis] = AXES
     gravity: StreamLayout | None = None
+    repeats: bool | None = None
 
     @field_validator("axes")
     @classmethod
@@ -136,9 +142,17 @@ def read_layout(path: Path) -> Layout:
         text = small_file(path, CONFIG_BYTES, "layout").decode("utf-8")
     except (DataError, UnicodeDecodeError) as error:
         raise ConfigError(f"--layout {path}: cannot be read ({error})") from error
-    return validated(Layout, parse_toml(text, f"--layout {path}"), f"--layout {path}")
+    source = f"--layout {path}"
+    keys = "`fbgraph inspect LOG --write-layout FILE` writes a layout with all keys"
+    return validated(Layout, parse_toml(text, source), source, keys)
 
 
 def layout_toml(layout: Layout) -> str:
     """A layout as TOML, as ``read_layout`` reads it."""
     return tomli_w.dumps(layout.model_dump(mode="json", exclude_none=True))
+
+
+def keep_layout(layout: Layout, folder: Path) -> None:
+    """Write a layout beside the raw lines that are read by it, whole or not at all."""
+    with whole_file(folder / SAVED_LAYOUT) as partial:
+        partial.write_text(layout_toml(layout), "utf-8")

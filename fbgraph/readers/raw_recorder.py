@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from types import TracebackType
 from fbgraph.core.errors import DataError
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers.cleaning import OPTIONAL_SENSORS
+from fbgraph.readers.layout import Layout
 from fbgraph.readers.live_lines import LiveReader
 
 _TAIL_BYTES, _BLOCK_BYTES = 1 << 16, 1 << 21
@@ -49,11 +51,20 @@ class LineCutter:
             self._rest, self._skipping = bytearray(held), True
         kept = [line for line in lines if len(line) <= _LONGEST_LINE]
         self.too_long += len(lines) - len(kept)
-        return [line.decode("latin-1") for line in kept]
+        return [_text(line) for line in kept]
 
     def finish(self) -> list[str]:
         """The last line, if it is complete but for the LF that might have followed its CR."""
         return self.push(b"\n") if self._rest.endswith(b"\r") else []
+
+
+def _text(line: bytes) -> str:
+    """A line as a file's reader takes it: UTF-8, or latin-1 where it is none; without a mark and zeros."""
+    line = line.translate(None, b"\0").removeprefix(BOM_UTF8)
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
 
 
 class RawRecorder:
@@ -99,13 +110,17 @@ class RawRecorder:
         self._synced_s, self._dirty = time.monotonic(), False
 
 
-def saved_log(raw_path: Path) -> SensorLog:
+def saved_log(raw_path: Path, layout: Layout | None = None) -> SensorLog:
     """The samples of saved raw lines, exactly as the online smoother was given them.
+
+    Args:
+        raw_path: of the lines.
+        layout: that the online smoother was told; decided from the lines, as it did, if None.
 
     Raises:
         DataError: no usable samples.
     """
-    reader = LiveReader(raw_path.parent.name)
+    reader = LiveReader(raw_path.parent.name, layout)
     parts = [reader.push(block) for block in saved_lines(raw_path)]
     parts.append(reader.finish())
     log = SensorLog.concatenate(parts)
@@ -119,6 +134,7 @@ def saved_log(raw_path: Path) -> SensorLog:
         log,
         name=raw_path.parent.name,
         format=reader.format,
+        reading={} if reader.reading is None else reader.reading.noted(),
         t0_s=reader.t0_s,
         notices=(*reader.notices, *missing),
         counts=counts,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import select
 import socket
 import sys
@@ -12,7 +11,8 @@ from collections.abc import Callable, Iterator
 
 from fbgraph.columns.column_names import names_accelerometer
 from fbgraph.core.errors import ConfigError, DataError
-from fbgraph.core.safe_text import is_number
+from fbgraph.tables.dialect import SEPARATORS, split
+from fbgraph.tables.fields import number
 
 _POLL_S = 0.2  # how soon a source notices that it should stop
 _CHUNK = 65536
@@ -131,10 +131,15 @@ def _place(address: tuple[str, int] | None) -> str:
 def _holds_row(data: bytes) -> bool:
     """Whether a line of these names an accelerometer, or is numbers enough to be a row; strays may chatter."""
     for line in data.decode("latin-1").splitlines()[:_LOOKED_AT]:
-        fields = re.split(r"[,;\t]", line)
-        numbers = sum(is_number(field) for field in fields)
-        if numbers >= _ROW_FIELDS or (len(fields) >= _ROW_FIELDS and names_accelerometer(fields)):
-            return True
+        for separator in SEPARATORS:
+            fields = split(line, separator, monitor=True)
+            if len(fields) < _ROW_FIELDS:
+                continue
+            decimals = "." if separator == "," else ".,"
+            if any(sum(number(field, decimal) is not None for field in fields) >= _ROW_FIELDS for decimal in decimals):
+                return True
+            if names_accelerometer(fields):
+                return True
     return False
 
 

@@ -19,6 +19,7 @@ from fbgraph.core.tables import read_text
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.tum_files import write_tum
 from fbgraph.core.whole_writes import is_leftover, locked, whole_folder
+from fbgraph.readers.layout import SAVED_LAYOUT
 from fbgraph.run.digests import DIGESTS, SUMMARY, noted_digests
 from fbgraph.run.inputs import RunInputs
 from fbgraph.run.scores import score_label
@@ -32,7 +33,7 @@ RETURNS = "return.csv"
 RAW = "raw.csv"
 RUN_FILES = {
     *(f"{name}.tum" for name in ("pdr", "ekf", "smoothed", "online")),
-    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", RAW, RETURNS, TRUTH),
+    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", RAW, SAVED_LAYOUT, RETURNS, TRUTH),
 }
 
 
@@ -105,7 +106,7 @@ def claimed_live(out: Path, resume: bool, force: bool = False) -> Iterator[RunCl
                 raise ConfigError(f"--out {out}: holds a finished run; name another folder, or --force lets it go")
             with whole_folder(place):
                 pass
-        yield RunClaim(place, nothing, keep=(RAW,))
+        yield RunClaim(place, nothing, keep=(RAW, SAVED_LAYOUT))
 
 
 def require_replaceable(place: Path, made_by: tuple[RunInputs, Config] | None = None, force: bool = False) -> None:
@@ -125,7 +126,7 @@ def require_replaceable(place: Path, made_by: tuple[RunInputs, Config] | None = 
         raise ConfigError(f"--out {place}: exists and is not a run folder; name another, or remove it")
     if RAW in names and (place / RAW).stat().st_size > 0:
         raise ConfigError(f"--out {place}: holds {RAW}, the only copy of a live walk; name another folder")
-    if not names - {RAW, "config.toml"}:
+    if not names - {RAW, SAVED_LAYOUT, "config.toml"}:
         return  # nothing, or a live walk of which no byte ever came
     try:
         summary = json.loads(read_text(place / SUMMARY, "JSON"))

@@ -12,7 +12,9 @@ from fbgraph.core.georeference import Georeference
 from fbgraph.core.gnss_fixes import require_gnss_use
 
 _PIPED = "piped"
-"""What of truth and anchors was a pipe: a run without them would be another one."""
+"""What of truth, anchors and layout was a pipe: a run without them would be another one."""
+RATES_HZ = (0.1, 10_000.0)
+"""Of samples, as ``--rate`` takes them."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class RunInputs:
         max_size: bytes of the log's text that may be read; None for what any walk keeps within.
         forced: the smoothed walk is wanted even where its own check withholds it.
         use_gnss: which of the log's own fixes are anchors: one of ``gnss_fixes.GNSS_USES``.
+        layout: path of the file that says what the columns of its tables are; None if that was found.
+        rate_hz: of the samples, where the user said so.
     """
 
     log: str | None = None
@@ -43,6 +47,8 @@ class RunInputs:
     max_size: int | None = None
     forced: bool = False
     use_gnss: str = "none"
+    layout: str | None = None
+    rate_hz: float | None = None
 
     @staticmethod
     def of(
@@ -55,14 +61,19 @@ class RunInputs:
         max_size: int | None = None,
         forced: bool = False,
         use_gnss: str = "none",
+        layout: Path | None = None,
+        rate_hz: float | None = None,
     ) -> RunInputs:
         """What somebody named; paths are kept so that they hold from anywhere.
 
         Raises:
-            ConfigError: GNSS is to be used in a way that there is not, or beside other anchors.
+            ConfigError: GNSS is to be used in a way that there is not, or beside other anchors; a rate that is none.
         """
         if require_gnss_use(use_gnss) != "none" and anchors is not None:
             raise ConfigError("--use-gnss makes anchors of the log's fixes: leave out --anchors")
+        if rate_hz is not None and not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
+            low, high = RATES_HZ
+            raise ConfigError(f"--rate {rate_hz:g}: expected the samples a second, {low:g} to {high:g}")
         return RunInputs(
             log=_lasting(log),
             format=format_name,
@@ -73,6 +84,8 @@ class RunInputs:
             max_size=max_size,
             forced=forced,
             use_gnss=use_gnss,
+            layout=_lasting(layout),
+            rate_hz=rate_hz,
         )
 
     @staticmethod
@@ -100,7 +113,7 @@ class RunInputs:
     def as_dict(self) -> dict[str, Any]:
         """For ``summary.json``; what concerns replays only of a replay, and no path of what was a pipe."""
         noted = asdict(self)
-        piped = [name for name in ("log", "truth", "anchors") if noted[name] and _is_pipe(Path(noted[name]))]
+        piped = [name for name in ("log", "truth", "anchors", "layout") if noted[name] and _is_pipe(Path(noted[name]))]
         noted.update(dict.fromkeys(piped))
         if aids := [name for name in piped if name != "log"]:
             noted[_PIPED] = aids
@@ -110,6 +123,9 @@ class RunInputs:
             del noted["forced"]
         if self.use_gnss == "none":
             del noted["use_gnss"]
+        for name in ("layout", "rate_hz"):
+            if noted[name] is None:
+                del noted[name]
         if self.origin is not None:
             noted["origin"] = list(self.origin)
         if self.online_chunk_s is None:

@@ -35,7 +35,7 @@ def read_log_again(run: SavedRun, log_path: Path | None = None) -> LogFile:
         if not path.exists():
             where = f"--log {path}: no such file" if log_path else f"its log {path} is not there any more"
             raise DataError(f"{run.folder}: {where}; say where it is now with --log")
-        file = read_log(path, inputs.format, inputs.max_size)
+        file = read_log(path, inputs.format, inputs.max_size, layout=inputs.layout, rate_hz=inputs.rate_hz)
     return file if inputs.until_s is None else replace(file, log=file.log.between(-math.inf, inputs.until_s))
 
 

@@ -54,6 +54,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
             },
             "samples": {name: len(getattr(log, name)) for name in ("acc", "gyro", "mag", "pressure")},
             "counts": dict(log.counts),
+            "reading": dict(log.reading),
             "events": [{"t_s": event.t_s + log.t0_s, "label": event.label} for event in log.events],
         },
         "integrity": result.integrity.as_dict(),

@@ -116,6 +116,8 @@ class _Inputs(_Noted):
     max_size: Annotated[int, Field(ge=1)] | None = None
     forced: bool = False
     use_gnss: Literal["none", "start", "ends", "all"] = "none"
+    layout: _Text | None = None
+    rate_hz: Annotated[float, Field(ge=0.1, le=10_000.0)] | None = None
 
 
 class NotedRun(_Noted):

@@ -17,6 +17,8 @@ from fbgraph.tables.scaled_tables import acclog_table, with_gyroflow_scales
 from fbgraph.tables.table import Table
 from fbgraph.tables.text_table import read_table
 
+_LONG = "nothing but lines of more than 64 KiB"
+
 
 @dataclass(frozen=True)
 class Container:
@@ -51,7 +53,7 @@ def read_tables(path: str | Path, max_size: int | None = None) -> Container:
         if some := tables_of(member):
             tables += some
         else:
-            found.left_out.append((member.source, "no table"))
+            found.left_out.append((member.source, why_none(member)))
     if not tables:
         raise DataError(nothing_in(path, found.left_out))
     return Container(path, tuple(tables), tuple(found.left_out))
@@ -71,6 +73,12 @@ def tables_of(member: Member) -> tuple[Table, ...]:
     return by_sensor(with_gyroflow_scales(table)) if table is not None and len(table) else ()
 
 
+def why_none(member: Member) -> str:
+    """What to say of a file without a table."""
+    long = member.text.too_long and not member.text.rows
+    return _LONG if long else "no table"
+
+
 def nothing_in(path: Path, left_out: list[tuple[str, str]]) -> str:
     """What to say of an input without a table.
 
@@ -83,6 +91,7 @@ def nothing_in(path: Path, left_out: list[tuple[str, str]]) -> str:
     if len(left_out) == 1 and left_out[0][0] == str(path):
         why = {
             "empty": "the file is empty; record or copy it again",
+            _LONG: f"it holds {_LONG}, which are no rows of a log",
             "a binary file": "a binary file, not a log; `fbgraph formats` lists what can be read",
         }
         return f"{path}: {why.get(left_out[0][1], 'no table in it: no rows of numbers of one width')}"

@@ -10,7 +10,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ MONITOR_COLUMN = "serial monitor time"
 """The name of the column that a serial monitor's time before each line becomes."""
 _USUAL = 0.25  # of the rows, that have a number of fields: what stands in a head is rarer
 _JUDGED = 60  # rows from which separator and kinds are told
-_SEPARATORS = {",": 1.0, ";": 1.0, "\t": 1.0, "|": 0.3, " ": 0.6}
+SEPARATORS = {",": 1.0, ";": 1.0, "\t": 1.0, "|": 0.3, " ": 0.6}
 _NAMES = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
 _MONITOR = re.compile(r"\[?((?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d{1,6})?)(?:\] ?| -?> )", re.ASCII)
 _COMMENT = re.compile(r"(?:#|%|//)")
@@ -113,7 +113,8 @@ class Dialect:
     def parse(self, lines: Sequence[str]) -> Rows:
         """The rows of some lines, without their ends; the same for the same line in whatever company it comes.
 
-        Columns are of the kinds that they had when the dialect was found; a column that was empty then is of text.
+        Columns are of the kinds that they had when the dialect was found; one that was empty then is of text, or of
+        numbers as long as it stays empty.
         Of a column of numbers with holes in it the whole numbers beyond 2^53 are rounded.
         """
         rows: list[list[str]] = []
@@ -135,9 +136,19 @@ class Dialect:
         padded = [row + [""] * (self.width - len(row)) for row in rows]
         columns = []
         for i, fields in enumerate(zip(*padded, strict=True) if padded else [()] * self.width):
-            values = text_of_fields(fields) if texts[i] else numbers_of(fields, self.decimal)
+            empty = not self.kinds[i] and all(map(is_empty, fields))
+            values = text_of_fields(fields) if texts[i] and not empty else numbers_of(fields, self.decimal)
             columns.append(Column(self.names[i], self.units[i], values.array, values.unreadable))
         return Rows(tuple(columns), widths, dict(counts), tuple(remarks))
+
+    def learned(self, lines: Sequence[str]) -> Dialect:
+        """The same with kinds of columns that were empty, as far as these lines fill them."""
+        empty = [i for i, kind in enumerate(self.kinds) if not kind]
+        rows = [row for row in map(self.fields, lines) if not isinstance(row, str)] if empty else []
+        kinds = list(self.kinds)
+        for i in empty:
+            kinds[i] = kind([row[i] for row in rows if i < len(row)], self.decimal)
+        return replace(self, kinds=tuple(kinds))
 
     def says_nothing(self, fields: Sequence[str], texts: Sequence[bool]) -> bool:
         """Whether a row has no number in any column of numbers, where there is one."""
@@ -181,10 +192,10 @@ def find_dialect(lines: Sequence[str]) -> Dialect | None:
     start = 1 if told else 0
     judged = _some([line for line in lines[start:] if line.strip() and not _COMMENT.match(line)])
     monitor = sum(bool(_MONITOR.match(line)) for line in judged) > 0.7 * len(judged) > 0.0
-    options = [told[1]] if told and told[1] in _SEPARATORS else list(_SEPARATORS)
+    options = [told[1]] if told and told[1] in SEPARATORS else list(SEPARATORS)
     scored = [
         (
-            _score([split(line, separator, monitor) for line in judged], decimal) * _SEPARATORS[separator],
+            _score([split(line, separator, monitor) for line in judged], decimal) * SEPARATORS[separator],
             separator,
             decimal,
         )
@@ -220,12 +231,23 @@ def _with(lines: list[str], start: int, judged: list[str], writing: Writing) -> 
     first = _first_row(fields, lines[start:], decimal, usual)
     comments = [bool(_COMMENT.match(line)) for line in lines[start : start + first]]
     header = find_header([row[monitor:] for row in fields[:first]], comments, width - monitor, data)
+    if not header.names:
+        header = _late_header([row[monitor:] for row in fields[first:]], width - monitor, data)
     width = max(width, min(len(header.names) + monitor, MOST_COLUMNS))
     columns = [[row[i] for row in data if i < len(row)] for i in range(width)]
     remarks = [uncommented(line) for i, line in enumerate(lines[start : start + first]) if i not in header.lines]
     kinds = tuple(kind(column, decimal) for column in columns)
     said = tuple(remark for remark in remarks if remark)
     return Dialect(separator, decimal, monitor, header, width, kinds, start + first, said)
+
+
+def _late_header(rows: Sequence[list[str]], width: int, data: Sequence[list[str]]) -> Header:
+    """A header that comes after rows already, as a device that repeats it sends it to who listens late."""
+    for row in rows:
+        alike = len(row) == len({*row}) and len(row) - width in (0, 1) and width > 2
+        if alike and (header := find_header([row], [False], width, data)).names:
+            return replace(header, lines=())
+    return Header()
 
 
 def _bounded(lines: Sequence[str]) -> list[str]:

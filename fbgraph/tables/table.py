@@ -66,8 +66,11 @@ class Table:
         Args:
             columns: their places.
         """
-        arrays = [self.columns[i].values for i in columns]
-        return np.column_stack([np.full(len(self), np.nan) if a.dtype == object else a.astype(float) for a in arrays])
+        numbers = np.empty((len(self), len(columns)), order="F")  # many rows of few columns are asked row by row
+        for k, i in enumerate(columns):
+            values = self.columns[i].values
+            numbers[:, k] = np.nan if values.dtype == object else values
+        return numbers
 
     def whole(self, widths: Sequence[int]) -> BoolArray:
         """(N,) which rows have all fields, or as many as are allowed.
@@ -80,11 +83,11 @@ class Table:
         allowed: BoolArray = np.isin(self.widths, (len(self.columns), *widths))
         return allowed
 
-    def rows(self, order: IntArray) -> Table:
+    def rows(self, order: IntArray | BoolArray) -> Table:
         """Some of its rows, in another order.
 
         Args:
-            order: places of the rows wanted.
+            order: places of the rows wanted, or whether each is.
         """
         columns = tuple(replace(column, values=column.values[order]) for column in self.columns)
         return replace(self, columns=columns, widths=None if self.widths is None else self.widths[order])

@@ -56,7 +56,10 @@ def read_table(text: LogText, name: str, source: str) -> Table | None:
             f"{source}: {text.rows} rows of {dialect.width} columns, the limit is {MOST_FIELDS} fields; "
             "if it is a walk, --max-size SIZE allows more"
         )
-    parts = [_Part(tidy(data, dialect), dialect) for data in _pieces(text, dialect.first_row)]
+    tidied = [tidy(data, dialect) for data in _pieces(text, dialect.first_row)]
+    if not any(rows.data for rows in tidied):
+        return None
+    parts = [_Part(rows, dialect) for rows in tidied]
     numbers = [_is_of_numbers(parts, i, dialect.kinds[i]) for i in range(dialect.width)]
     for part in parts:
         part.settle(numbers)

@@ -15,6 +15,7 @@ MOST_REMARKS = 200
 _FEW = 10  # rows; of fewer none is given up
 _INNER = "\x1f"  # between fields where a quoted one holds the separator
 _MARKS = (b"#", b"%", b"//")
+_BLANK_LINES = re.compile(rb"\n\n+")
 _BLANKS = re.compile(rb"[ \t]+")
 _ENDS = re.compile(rb"^ | $", re.MULTILINE)
 
@@ -52,6 +53,8 @@ def tidy(data: bytes, dialect: Dialect) -> TidyRows:
     cut = _cut_short(data, dialect)
     counts: Counter[str] = Counter({"lines_cut_short": 1} if cut else {})
     data = data[: len(data) - len(cut)]
+    if b"\n\n" in data or data.startswith(b"\n"):  # a card filled with line ends holds millions
+        data = _BLANK_LINES.sub(b"\n", data).lstrip(b"\n")
     if data and not data.endswith(b"\n"):
         data += b"\n"
     plain = data.translate(None, b'"') if b'"' in data else data

@@ -33,8 +33,8 @@ def noisy(count: int) -> str:
 BAD = {
     "empty": (b"", "empty"),
     "binary": (bytes(range(256)) * 50, "binary"),
-    "unknown": (b"once upon a time\nthere was a log\n" * 20, "unknown format"),
-    "header only": (HEADER.encode(), "no usable"),
+    "unknown": (b"once upon a time\nthere was a log\n" * 20, "no accelerometer"),
+    "header only": (HEADER.encode(), "no rows of numbers"),
     "no accelerometer": (
         b"t_ms,gx_dps,gy_dps,gz_dps\n" + b"".join(b"%d,1,2,3\n" % (10 * k) for k in range(900)),
         "accelerometer",
@@ -61,7 +61,7 @@ def test_bad_input_ends_with_code_3_and_one_line_that_names_the_cause(
 
 
 def test_a_folder_or_a_missing_file_is_bad_data_too(tmp_path: Path) -> None:
-    assert "directory" in fbgraph("smooth", tmp_path, code=3).stderr
+    assert "no file in it" in fbgraph("smooth", tmp_path, code=3).stderr
     assert "No such file" in fbgraph("smooth", tmp_path / "nothing.csv", code=3).stderr
 
 

@@ -28,7 +28,7 @@ from support.hostile import (
 
 from fbgraph.api import load_run
 from fbgraph.cli.printing import print_table
-from fbgraph.readers import FORMATS, reader
+from fbgraph.readers import FORMATS, log_format
 
 NAME = f"w{TITLE}{MARKUP.partition('/')[0]}{RIGHT_TO_LEFT}\n\x9b31m"
 """As much of it as a file's name may hold."""
@@ -236,7 +236,7 @@ def test_an_encoding_that_lacks_a_character_is_no_failure(
 def test_examples_of_formats_can_be_copied() -> None:
     printed = fbgraph("formats").stdout
     for name in FORMATS:
-        assert "".join(f"    {line}\n" for line in reader(name).EXAMPLE.strip().splitlines()) in printed
+        assert "".join(f"    {line}\n" for line in log_format(name).example.strip().splitlines()) in printed
 
 
 def test_cells_of_tables_are_no_markup(capfd: pytest.CaptureFixture[str]) -> None:

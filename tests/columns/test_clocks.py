@@ -145,7 +145,7 @@ def test_whole_seconds_are_spread() -> None:
     table = walk(time=np.floor(seconds).astype(np.int64))
     np.testing.assert_allclose(clock_ns(table, found(table)) * 1e-9, seconds, atol=0.011)
     stamped = walk(time=[f"13:00:{int(s)}" for s in seconds])
-    assert "coarse" in found(stamped).text
+    assert "show the same time" in found(stamped).text
     np.testing.assert_allclose(clock_ns(stamped, found(stamped)) * 1e-9 - 46_800, seconds, atol=0.011)
 
 
@@ -177,7 +177,7 @@ def test_empty_times_are_no_times() -> None:
         ({"timestamp_ms": np.round((1.73e12 + MS) / 1e6) * 1e6}, "spreadsheet"),
         ({"time": np.arange(300)}, "like a counter"),
         ({"time": np.full(300, 5.0)}, "always"),
-        ({"time": np.random.default_rng(0).normal(size=300)}, "does not grow"),
+        ({"time": np.random.default_rng(0).normal(size=300)}, "(does not grow|goes backwards) from row to row"),
         ({"time": ["########"] * 300}, "no times that can be read"),
         ({"t_ms": np.arange(300) * 3_333_333.0 % 77_777_777}, "does not grow"),
         ({"foo": MS}, "grows like a clock"),
@@ -195,7 +195,7 @@ def test_a_clock_that_cannot_be_read_is_named_and_no_rate_assumed(columns: dict[
 def test_without_a_clock_a_rate_is_assumed_and_said() -> None:
     clock = found(walk())
     assert (clock.kind, clock.columns, clock.tick_ns) == ("samples", (), 20_000_000)
-    assert "assumed 50 Hz" in clock.text
+    assert "50 Hz assumed" in clock.text
     counted = walk(n=np.r_[0:100, 110:310])
     assert found(counted).columns == (0,)
     assert clock_ns(counted, found(counted))[100] == 110 * 20_000_000

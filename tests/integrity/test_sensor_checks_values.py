@@ -23,6 +23,7 @@ from fbgraph.integrity.sensor_checks import (
     noisy_sensors,
     silent_sensors,
     sparse_samples,
+    too_slow,
 )
 from fbgraph.run.walk_result import WalkResult
 
@@ -57,7 +58,10 @@ def levelled(forward_m_s2: float = 0.0, up_m_s2: float = 9.80665, tilt_rad_s: fl
     return replace(signals, acc_n_m_s2=acc, tilt_rate_rad_s=np.full(count, tilt_rad_s))
 
 
-CHECKS = (frozen_sensors, frozen_magnetometer, silent_sensors, cut_off_values, noisy_sensors, sparse_samples, clock_set)
+CHECKS = (
+    *(frozen_sensors, frozen_magnetometer, silent_sensors, cut_off_values, noisy_sensors, sparse_samples, too_slow),
+    clock_set,
+)
 
 
 @pytest.mark.parametrize("check", CHECKS)
@@ -203,3 +207,13 @@ def test_a_gyroscope_that_does_not_move_while_steps_are_counted() -> None:
     assert found.withhold
     assert found.reason.weight == pytest.approx(5.0)
     assert limp_gyroscope(walk(signals=levelled(tilt_rad_s=0.06))) == []
+
+
+@pytest.mark.parametrize(("every", "rate_hz"), [(7, 14.3), (9, 11.1), (20, 5.0)])
+def test_samples_too_slow_for_steps_are_withheld(every: int, rate_hz: float) -> None:
+    log = sane_log()
+    found = too_slow(walk(replace(log, acc=Stream(log.acc.t_s[::every], log.acc.values[::every]))))
+    assert [doubt.withhold for doubt in found] == [True] * (rate_hz < 12.5)
+    if found:
+        assert found[0].reason.text == f"the accelerometer runs at {rate_hz:.3g} Hz, too slow for steps"
+        assert found[0].reason.weight == pytest.approx(125.0 / rate_hz, rel=0.01)

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fbgraph.readers.csv_columns import CANONICAL, Columns
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from support.m5stickc_lines import ACC, DEG, GYRO, T_S, G, I, N, lines_of_a_walk, read_columns, read_lines
 from support.waves import check_sound
 
+from fbgraph.columns.column_names import CANONICAL
 from fbgraph.core.errors import DataError
-from fbgraph.readers import detect, read_log
+from fbgraph.readers import read_log
 
 
 @pytest.mark.parametrize("width", [11, 12, 13])
@@ -22,7 +22,6 @@ def test_a_stream_joined_midway_is_taken_as_canonical(width: int, tmp_path: Path
     lines = [",".join(line.split(",")[:width]) for line in lines_of_a_walk()[1:]]
     path = tmp_path / "midway.csv"
     path.write_text("\n".join([lines[0][17:], *lines]) + "\n")
-    assert detect(path) == "m5stickc"
     log = read_log(path).log
     assert len(log.acc) == N
     assert log.notices[0].startswith("no header: columns taken as t_ms,ax_g")
@@ -52,7 +51,7 @@ def test_one_garbled_time_is_no_restart_and_costs_one_row(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("step_ms", [20, 5000])
 def test_time_backwards_throughout_is_refused(step_ms: int, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="time goes backwards"):
+    with pytest.raises(DataError, match="column t_ms goes backwards from row to row"):
         read_columns(
             tmp_path, "t_ms,ax_g,ay_g,az_g,gx_dps,gy_dps,gz_dps", 10_000_000 - step_ms * I, ACC / G, GYRO / DEG
         )
@@ -90,22 +89,6 @@ def test_gz_equals_plain_and_crlf_equals_lf(tmp_path: Path) -> None:
     assert logs[2].name == "c"
 
 
-def test_line_by_line_equals_the_whole_file(tmp_path: Path) -> None:
-    lines = lines_of_a_walk()
-    lines[30] = lines[30][:25]
-    lines[31] = lines[31].replace(".", "x", 1)
-    columns = Columns.from_header(lines[0])
-    assert columns is not None
-    columns, _ = columns.settled(columns.parse(lines[1:]))
-    whole = columns.convert(columns.parse(lines[1:]))
-    live = [columns.convert(columns.parse([line + "\r\n"])) for line in lines[1:]]
-    np.testing.assert_array_equal(np.concatenate([rows.t for rows in live]), whole.t)
-    for sensor, values in whole.values.items():
-        np.testing.assert_array_equal(np.concatenate([rows.values[sensor] for rows in live]), values)
-    assert sum(len(rows.events) for rows in live) == len(whole.events) == 3
-    assert sum(rows.counts.get("lines_unreadable", 0) for rows in live) == whole.counts["lines_unreadable"] == 2
-
-
 JUNK = st.one_of(
     st.tuples(st.just("cut"), st.integers(0, 80)),
     st.tuples(st.just("put"), st.text(st.characters(max_codepoint=255), min_size=1, max_size=12)),
@@ -141,7 +124,7 @@ def damaged(line: str, at: int, kind: str, what: str | int, before: str) -> str:
 @example([(i, 0, ("time", "1e999")) for i in range(401)], False, True)
 @example([(i, 0, ("value", "inf")) for i in range(401)], False, True)
 @example([(i, 3, ("value", "inf")) for i in range(401)], False, False)
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_junk_never_breaks_the_reader(
     tmp_path: Path, damage: list[tuple[int, int, tuple[str, int | str]]], also_header: bool, units: bool
 ) -> None:
@@ -163,16 +146,3 @@ def test_junk_never_breaks_the_reader(
     if not also_header and len(damage) < 10:
         assert not message
         assert len(log.acc) >= 400 - 3 * len(damage)
-
-
-@given(st.lists(st.text("0123456789.,-+e_ nax\x00\"'\xb2", max_size=30), min_size=101, max_size=130))
-@settings(max_examples=40, deadline=None)
-def test_many_lines_parse_like_few(lines: list[str]) -> None:
-    columns = Columns.from_header("t_ms,ax_g,ay_g,az_g,event")
-    assert columns is not None
-    lines = [line if i % 2 else f"{i},1.5,{line},0.25," for i, line in enumerate(lines)]
-    many = columns.parse(lines)
-    few = [columns.parse([line]) for line in lines]
-    np.testing.assert_array_equal(np.concatenate([rows.values["acc"] for rows in few]), many.values["acc"])
-    np.testing.assert_array_equal(np.concatenate([rows.t for rows in few]), many.t)
-    assert [text for rows in few for _, text in rows.events] == [text for _, text in many.events]

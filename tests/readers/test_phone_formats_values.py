@@ -8,8 +8,9 @@ import pytest
 
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.nanoseconds import MAX_T_NS
-from fbgraph.readers import FORMATS, detect, getsensordata, indoor_location, preset, read_log
+from fbgraph.readers import FORMATS, getsensordata, indoor_location, preset, read_log
 from fbgraph.readers.cleaning import RawLog
+from fbgraph.readers.tagged import TAGGED, tagged_reader
 
 
 def written(folder: Path, *lines: str) -> Path:
@@ -146,26 +147,27 @@ def test_indoor_lines_that_are_none_are_counted(tmp_path: Path) -> None:
     assert raw.truth is None
 
 
-def test_formats_are_found_by_content(tmp_path: Path) -> None:
-    assert FORMATS == ("getsensordata", "indoor_location", "m5stickc")
-    for line, name in (
+def test_formats_are_found_by_content() -> None:
+    assert FORMATS[:3] == (*TAGGED, "m5stickc") == ("getsensordata", "indoor_location", "m5stickc")
+    for text, name in (
         ("% by GetSensorData", "getsensordata"),
         ("x\nPRES;1;2;3;4", "getsensordata"),
         ("# a\n1\tTYPE_X\t1", "indoor_location"),
-        ("t_ms,ax,ay,az,gx,gy,gz", "m5stickc"),
+        ("t_ms,ax,ay,az,gx,gy,gz", None),
     ):
-        assert detect(written(tmp_path, line)) == name
-    assert [preset(name) for name in FORMATS] == ["phone", "phone", "m5stickc"]
+        found = tagged_reader(text)
+        assert (None if found is None else found.FORMAT.name) == name
+    assert [preset(name) for name in FORMATS[:4]] == ["phone", "phone", "m5stickc", "phone"]
 
 
 def test_files_that_are_no_logs_are_refused(tmp_path: Path) -> None:
     for text, message in (
         (" \n \n", "the file is empty; record or copy it again"),
-        ("  <html>\nnothing", r"unknown format \(it begins '<html>'\)"),
+        ("  <html>\nnothing", "no table in it: no rows of numbers"),
         ("\x00\x01", "a binary file, not a log"),
-        ("y" * 90, f"it begins '{'y' * 60}'"),
+        ("y" * 90, "no table in it"),
     ):
         with pytest.raises(DataError, match=message):
-            detect(written(tmp_path, text))
+            read_log(written(tmp_path, text))
     with pytest.raises(ConfigError, match="no format named 'gpx'; there are getsensordata, indoor_location, m5stickc"):
         read_log(written(tmp_path, "x"), "gpx")

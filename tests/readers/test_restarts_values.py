@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fbgraph.readers.csv_columns import CANONICAL
-from fbgraph.readers.m5stickc import continue_restarts, detects, find_columns, read, read_text
-from support.m5stickc_lines import lines_of_a_walk
+from support.m5stickc_lines import lines_of_a_walk, read_rows
 
+from fbgraph.columns.column_names import CANONICAL
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import IntArray
+from fbgraph.readers.restarts import continue_restarts, little_disorder
 
 MS = 1_000_000
 WALK = lines_of_a_walk(300)  # 50 Hz from 5 s; a button at rows 50, 150 and 250
@@ -65,18 +65,18 @@ def test_a_clock_that_runs_backwards_is_left_as_it_is() -> None:
     assert continue_restarts(clock((5000, 100)))[1] == 0
 
 
-def test_restarts_are_counted_and_told() -> None:
+def test_restarts_are_counted_and_told(tmp_path: Path) -> None:
     rows = [row if i < 200 else f"{20 * i - 3990}{row[row.index(',') :]}" for i, row in enumerate(WALK[1:])]
-    raw = read_text("\n".join([WALK[0], *rows]), "walk.csv")
+    raw = read_rows(tmp_path, [WALK[0], *rows])
     assert raw.counts["clock_restarts"] == 1
-    assert raw.notices == ["the device's clock restarted 1 times; later times go on from the last row"]
+    assert raw.notices[1:] == ["the device's clock restarted 1 times; later times go on from the last row"]
     np.testing.assert_array_equal(np.diff(raw.streams["acc"].t_ns), 20 * MS)
 
 
-def test_a_button_held_down_is_one_event() -> None:
+def test_a_button_held_down_is_one_event(tmp_path: Path) -> None:
     def events(*texts: str) -> list[tuple[int, str]]:
         rows = [row.rpartition(",")[0] + "," + text for row, text in zip(WALK[1:], texts, strict=False)]
-        raw = read_text("\n".join([WALK[0], *rows, *WALK[1 + len(texts) : 45]]), "walk.csv")
+        raw = read_rows(tmp_path, [WALK[0], *rows, *WALK[1 + len(texts) : 45]])
         return [((t_ns // MS - 5000) // 20, label) for t_ns, label in raw.events]
 
     assert events("", "a", "a", "a", "", "a") == [(1, "a"), (5, "a")]
@@ -86,35 +86,33 @@ def test_a_button_held_down_is_one_event() -> None:
     assert events("tür") == [(0, "tür")]
 
 
-def test_headers_may_come_late_or_again() -> None:
-    again = read_text("\n".join([*WALK[:100], WALK[0], *WALK[100:200], WALK[0], *WALK[200:]]), "walk.csv")
+def test_headers_may_come_late_or_again(tmp_path: Path) -> None:
+    again = read_rows(tmp_path, [*WALK[:100], WALK[0], *WALK[100:200], WALK[0], *WALK[200:]])
     assert again.counts == {"headers_repeated": 2}
     assert len(again.streams["acc"].t_ns) == 300
-    once = read_text("\n".join(WALK), "walk.csv")
+    once = read_rows(tmp_path, WALK)
     assert once.counts == {}
-    assert once.notices == []
-    late = ["# made by", "boot 1.2", "", *["noise"] * 48, *WALK]
-    assert find_columns([line for line in late if line and line[0] != "#"]) is not None
-    assert find_columns(["noise"] * 999 + WALK[:1]) is not None
-    assert find_columns(["noise"] * 1000 + WALK[:1]) is None
+    assert once.notices == ["axes: taken as named, the device turned too little to tell"]
+    late = read_rows(tmp_path, ["# made by", "boot 1.2", "", *["noise"] * 980, *WALK])
+    assert len(late.streams["acc"].t_ns) == 300
 
 
-def test_without_a_header_the_canonical_columns_are_taken_if_most_lines_fit() -> None:
-    raw = read_text("\n".join(WALK[1:]), "walk.csv")
-    assert raw.notices[0] == f"no header: columns taken as {CANONICAL}"
-    assert len(raw.streams["acc"].t_ns) == 300
-    rows = WALK[1:40]
-    assert find_columns(rows[:11] + ["noise"] * 10) is not None
-    assert find_columns(rows[:10] + ["noise"] * 10) is None
-    with pytest.raises(DataError, match=r"walk.csv: no line names accelerometer columns"):
-        read_text("noise\n" * 9, "walk.csv")
+def test_without_a_header_the_canonical_columns_are_taken(tmp_path: Path) -> None:
+    for noise in (0, 10):
+        raw = read_rows(tmp_path, ["noise"] * noise + WALK[1:])
+        assert raw.notices[0] == f"no header: columns taken as {CANONICAL}"
+        assert len(raw.streams["acc"].t_ns) == 300
+    with pytest.raises(DataError, match=r"walk.csv: no table in it"):
+        read_rows(tmp_path, ["noise"] * 9)
 
 
-def test_what_is_of_this_format() -> None:
-    assert detects("\n".join(WALK))
-    assert detects("\n".join(WALK[1:60]))
-    assert detects("t_ms,gx_dps,gy_dps,gz_dps\n1,2,3,4")  # says what it lacks when it is read
-    assert not detects("a,b,c\n1,2,3\n")
+def test_rows_a_little_late_are_told_from_restarts() -> None:
+    t_ns = clock((5000, 200))
+    t_ns[[50, 51]] = t_ns[[51, 50]]
+    assert little_disorder(t_ns)
+    assert not little_disorder(clock((5000, 200)))
+    assert not little_disorder(clock((5000, 100), (12, 100)))
+    assert not little_disorder(clock((5000, 200))[::-1])
 
 
 def test_slow_sensors_are_kept_once_a_measurement(tmp_path: Path) -> None:
@@ -124,8 +122,7 @@ def test_slow_sensors_are_kept_once_a_measurement(tmp_path: Path) -> None:
         fields[10] = f"{1000.0 + 0.5 * (i // 10)}"
         fields[7:10] = [""] * 3 if i % 5 else fields[7:10]
         rows.append(",".join(fields))
-    (tmp_path / "walk.csv").write_text("\n".join([WALK[0], *rows]))
-    raw = read(tmp_path / "walk.csv")
+    raw = read_rows(tmp_path, [WALK[0], *rows])
     np.testing.assert_array_equal(raw.streams["mag"].t_ns, clock((5000, 300))[::5])
     np.testing.assert_array_equal(raw.streams["pressure"].t_ns, clock((5000, 300))[::10])
     assert raw.counts == {"pressure_repeats": 270}

@@ -109,6 +109,7 @@ LOG = {
     "rates_hz": {"acc": 100.0, "gyro": 100.0, "mag": 50.0, "pressure": 10.0},
     "samples": {"acc": 6201, "gyro": 6201, "mag": 3101, "pressure": 621},
     "counts": {"acc_duplicate": 3},
+    "reading": {},
     "events": [{"t_s": T0_S + 4.5, "label": "door"}],
 }
 

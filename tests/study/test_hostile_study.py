@@ -137,6 +137,7 @@ def test_the_report_has_no_element_from_the_data(study: tuple[Path, str]) -> Non
     assert found.tags == {
         *("html", "head", "meta", "title", "style", "body", "h1", "h2", "p", "div", "table", "thead", "tbody", "tr"),
         *("th", "td", "figure", "img", "figcaption", "i", "code", "br", "details", "summary", "pre"),
+        *("h3", "ul", "li"),
     }
     assert found.attributes == {"lang", "charset", "name", "content", "class", "id", "alt", "src"}
     assert all(source.startswith("data:image/png;base64,") for source in found.sources)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from fbgraph.readers.csv_columns import CANONICAL
 from numpy.random import Generator
 
+from fbgraph.columns.column_names import CANONICAL
 from fbgraph.core.geometry import FloatArray, IntArray
 
 T, ACC, GYRO, MAG, PRESSURE, TRUE_T = slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10), slice(10, 11), slice(11, 12)

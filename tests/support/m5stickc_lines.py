@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from fbgraph.readers.csv_columns import CANONICAL
 
+from fbgraph.columns.column_names import CANONICAL
 from fbgraph.core.sensor_log import SensorLog
-from fbgraph.readers import detect, read_log
+from fbgraph.readers import read_log, read_table_log
+from fbgraph.readers.cleaning import RawLog
+from fbgraph.tables import read_tables
 from support.waves import waves
 
 G = 9.80665
@@ -24,7 +26,6 @@ def read_columns(tmp_path: Path, header: str, *columns: npt.ArrayLike) -> Sensor
     path = tmp_path / "walk.csv"
     table = np.column_stack(columns)
     path.write_text("\n".join([header, *(",".join(f"{v:.10g}" for v in row) for row in table)]) + "\n")
-    assert detect(path) == "m5stickc"
     return read_log(path).log
 
 
@@ -43,3 +44,10 @@ def read_lines(tmp_path: Path, lines: list[str]) -> SensorLog:
     path = tmp_path / "walk.csv"
     path.write_bytes(("\n".join(lines) + "\n").encode("latin-1", "replace"))
     return read_log(path, "m5stickc").log
+
+
+def read_rows(tmp_path: Path, lines: list[str]) -> RawLog:
+    """The same before it is cleaned."""
+    path = tmp_path / "walk.csv"
+    path.write_bytes(("\n".join(lines) + "\n").encode("latin-1", "replace"))
+    return read_table_log(list(read_tables(path).tables), path)[0]
