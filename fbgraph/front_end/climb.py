@@ -89,13 +89,13 @@ class ClimbGauge:
         kept = self._at >= since_index // self._stride - self._samples(LOOK_BACK_S + MEMORY_S)
         self._at, self._altitude_m = self._at[kept], self._altitude_m[kept]
 
-    def judge(self, peak: Peak, altitude_m: float, frequency_hz: float, bounce_m_s2: float, chained: bool) -> Air:
+    def judge(self, peak: Peak, altitude_m: float, frequency_hz: float, surge_m_s: float, chained: bool) -> Air:
         """What pressure says at the next step.
 
         Args:
             peak: the step.
             altitude_m: its mean altitude.
-            frequency_hz, bounce_m_s2: how it was walked.
+            frequency_hz, surge_m_s: how it was walked.
             chained: whether the log has no gap since the step before.
         """
         self._frequencies_hz = [*self._frequencies_hz[1 - _CADENCE_STEPS :], frequency_hz]
@@ -104,7 +104,7 @@ class ClimbGauge:
         slope = 0.0
         resolved = peak.count <= _STRIDE  # else nobody saw the steps that might have climbed
         if self._length.min_climb_m_s < abs(climb_m_s) <= legs_m_s and resolved and not gusty:  # never when it is nan
-            level_m = max(flat_length_m(self._length, frequency_hz, bounce_m_s2), self._length.shortest_m)
+            level_m = max(flat_length_m(self._length, frequency_hz, surge_m_s), self._length.shortest_m)
             slope = abs(climb_m_s) / (level_m * frequency_hz)
         carried_m = blown_m = 0.0
         if self._last_end is not None and chained and math.isfinite(altitude_m - self._last_altitude_m):

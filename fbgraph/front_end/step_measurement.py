@@ -14,10 +14,9 @@ from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
 from fbgraph.front_end.running_sums import Latest
-from fbgraph.front_end.step_length import flat_length_m
+from fbgraph.front_end.step_length import FITTED_HZ, FITTED_SURGE_M_S, FULL_SURGE_M_S, flat_length_m, surge_of
 from fbgraph.front_end.step_track import FIRST_LOOK_BACK_S, LOOK_BACK_S, Peak, Step
 
-_USUAL_HZ = (1.1, 2.4)  # cadences at which step lengths were measured; nobody knows the runner's and the groper's
 _UNUSUAL_DOUBT = 0.25
 _LIMB_BOUNCE_M_S2 = 12.0  # a limb swings more than its wearer bounces
 _SHARED_DOUBT_M = 20.0  # steps of a stretch share their doubt until it is this large
@@ -81,6 +80,9 @@ class StepGauge:
             yaw_mag_rad = float(wrap_angle(np.asarray(yaw_gyro_rad + mean_offset)))
         bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
         bounce = min(bounce, _LIMB_BOUNCE_M_S2) if peak.swung else bounce
+        surge = FULL_SURGE_M_S
+        if hi - lo == peak.index - peak.start_index and peak.count == 1.0:
+            surge = surge_of(signals.acc_n_m_s2[lo:hi, :2], self._rate_hz)
         rest = self._rests.take(peak.index)
         # a hole in the index between this step and the one before is a gap in the log
         since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
@@ -88,10 +90,8 @@ class StepGauge:
         if self._last_end is not None and signals.index[0] > self._last_end:
             chained = self._rests.unbroken_between(self._last_end, peak.index)
         altitude_m = _mean_finite(signals.altitude_m[lo:hi])
-        air = self._climb.judge(peak, altitude_m, frequency_hz, bounce, chained)
-        # a length that shrinks with cadence does so within the cadences it was measured at
-        model_hz = min(frequency_hz, _USUAL_HZ[1]) if self._length.beta_m_s < 0 else frequency_hz
-        each_m = flat_length_m(self._length, model_hz, bounce) + self._length.gamma_m * air.slope
+        air = self._climb.judge(peak, altitude_m, frequency_hz, surge, chained)
+        each_m = flat_length_m(self._length, frequency_hz, surge) + self._length.gamma_m * air.slope
         length = max(each_m, self._length.shortest_m) * peak.count * peak.share
         return Step(
             t_s=peak.index / self._rate_hz,
@@ -101,7 +101,8 @@ class StepGauge:
             slope=air.slope,
             shortened_m=abs(self._length.gamma_m * air.slope) * peak.count,
             bounce_m_s2=bounce,
-            doubt_m=self._doubt_m(peak, length, frequency_hz),
+            surge_m_s=surge,
+            doubt_m=self._doubt_m(peak, length, frequency_hz, surge),
             yaw_s=float(signals.t_s[lo:hi].mean()),
             yaw_gyro_rad=yaw_gyro_rad,
             yaw_mag_rad=yaw_mag_rad,
@@ -122,9 +123,10 @@ class StepGauge:
             jump_y_ut=float(signals.field_jump_ut[since + 1 : hi, 1].sum()),
         )
 
-    def _doubt_m(self, peak: Peak, length_m: float, frequency_hz: float) -> float:
+    def _doubt_m(self, peak: Peak, length_m: float, frequency_hz: float, surge_m_s: float) -> float:
         """What a step adds to the doubt of its stretch, whose steps are wrong together: √(Σ² now - Σ² before)."""
-        usual = _USUAL_HZ[0] <= frequency_hz <= _USUAL_HZ[1]
+        usual = FITTED_HZ[0] <= frequency_hz <= FITTED_HZ[1]
+        usual = usual and (surge_m_s <= FITTED_SURGE_M_S or self._length.kappa_surge == 0.0)
         doubt = peak.doubt if usual else math.hypot(peak.doubt, _UNUSUAL_DOUBT)
         before = 0.0 if doubt == 0 or self._doubted_m > _SHARED_DOUBT_M else self._doubted_m
         self._doubted_m = before + doubt * length_m if doubt > 0 else 0.0
