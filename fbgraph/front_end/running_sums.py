@@ -87,6 +87,40 @@ class IntervalMean:
         self._gap_before = self._gap_before[start:]
 
 
+class WindowMeans:
+    """Means over sliding windows of several lengths, by differences of running sums."""
+
+    def __init__(self, width: int, windows: Sequence[int]) -> None:
+        self._windows = tuple(windows)
+        self._longest = max(windows)
+        self._sums = np.zeros((1, width))
+        self._origin: FloatArray | None = None
+
+    def push(self, values: FloatArray) -> FloatArray:
+        """(N, D) samples in; (N, W D) means out, of the first window, then of the next."""
+        if self._origin is None:
+            self._origin = values[0].copy()  # sums of deviations keep their digits for days
+        known, width, count = len(self._sums), values.shape[1], len(values)
+        history = np.empty((known + count, width))
+        history[:known] = self._sums
+        np.subtract(values, self._origin, out=history[known:])
+        np.add.accumulate(history[known - 1 :], axis=0, out=history[known - 1 :])
+        sums, means = history[known:], np.empty((count, width * len(self._windows)))
+        for i, window in enumerate(self._windows):
+            mean = means[:, i * width : (i + 1) * width]
+            if known >= window:  # every window is full
+                np.subtract(sums, history[known - window : known - window + count], out=mean)
+                mean /= window
+            else:
+                now = np.arange(known, known + count)
+                then = np.maximum(now - window, 0)
+                np.subtract(sums, history[then], out=mean)
+                mean /= (now - then)[:, None]
+            mean += self._origin
+        self._sums = history[-self._longest :]
+        return means
+
+
 class WindowMoments:
     """Mean and variance over a sliding window of samples, by differences of running sums."""
 
@@ -107,8 +141,8 @@ class WindowMoments:
         history[:known] = self._sums
         np.subtract(values, self._origin, out=history[known:, :width])
         np.square(history[known:, :width], out=history[known:, width:])
-        sums = np.cumsum(history[known - 1 :], axis=0)[1:]
-        history[known:] = sums
+        np.add.accumulate(history[known - 1 :], axis=0, out=history[known - 1 :])
+        sums = history[known:]
         if known == self._window:  # every window is full
             count = np.full(len(values), known, dtype=np.int64)
             moments = (sums - history[: len(values)]) / known
@@ -118,7 +152,9 @@ class WindowMoments:
             count = now - then
             moments = (sums - history[then]) / count[:, None]
         mean = moments[:, :width]
-        variance = np.maximum(moments[:, width:] - mean**2, 0.0)
+        variance = moments[:, width:]
+        variance -= np.square(mean)
+        np.maximum(variance, 0.0, out=variance)
         self._sums = history[-self._window :]
         return mean + self._origin, variance, count
 
