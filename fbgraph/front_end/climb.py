@@ -79,15 +79,17 @@ class ClimbGauge:
         """Take the next signals, before the steps found in them."""
         if len(signals) == 0:
             return
-        chosen = signals.index % self._stride == 0
+        chosen = np.flatnonzero(signals.index % self._stride == 0)
+        if len(chosen) == 0:
+            return
         self._at = np.concatenate((self._at, signals.index[chosen] // self._stride))
         self._altitude_m = np.concatenate((self._altitude_m, signals.altitude_m[chosen]))
         # a ride may have begun at the last step, and steps of a run become known a few seconds late
         since_index = signals.index[0] if self._last_end is None else min(signals.index[0], self._last_end)
         since_index = max(since_index, signals.index[0] - round(_REST_S * self._rate_hz))
         self._looked = -1, self._looked[1]
-        kept = self._at >= since_index // self._stride - self._samples(LOOK_BACK_S + MEMORY_S)
-        self._at, self._altitude_m = self._at[kept], self._altitude_m[kept]
+        start = self._at.searchsorted(since_index // self._stride - self._samples(LOOK_BACK_S + MEMORY_S))
+        self._at, self._altitude_m = self._at[start:], self._altitude_m[start:]
 
     def judge(self, peak: Peak, altitude_m: float, frequency_hz: float, surge_m_s: float, chained: bool) -> Air:
         """What pressure says at the next step.

@@ -56,8 +56,10 @@ class IntervalMean:
             carry = self._integral[-1:]
             lead_gap = np.empty(0, dtype=np.bool_)
         dt_s = t_s[1:] - t_s[:-1]
-        area = 0.5 * (values[1:] + values[:-1]) * dt_s[:, None]
-        integral = np.cumsum(np.concatenate((carry, area)), axis=0)
+        integral = np.empty(values.shape)
+        integral[:1] = carry
+        np.multiply(0.5 * (values[1:] + values[:-1]), dt_s[:, None], out=integral[1:])
+        np.add.accumulate(integral, axis=0, out=integral)
         if not self.empty:
             t_s, integral = t_s[1:], integral[1:]
         self._t_s = np.concatenate((self._t_s, t_s))
@@ -67,6 +69,8 @@ class IntervalMean:
 
     def silences(self, least_s: float) -> list[tuple[float, float]]:
         """Last and next time of every silence among the samples kept that is longer than this."""
+        if self._t_s[-1] - self._t_s[0] <= least_s:
+            return []
         at = np.flatnonzero(self._t_s[1:] - self._t_s[:-1] > least_s)
         return list(zip(self._t_s[at].tolist(), self._t_s[at + 1].tolist(), strict=True))
 
@@ -76,13 +80,16 @@ class IntervalMean:
             return np.empty((0, self._integral.shape[1])), np.empty(0, dtype=np.bool_)
         ends = np.asarray(np.concatenate((index[:1] - 1, index)) * dt_s, dtype=np.float64)
         at_ends = interp_columns(ends, self._t_s, self._integral)
-        bracket = np.minimum(np.searchsorted(self._t_s, ends), len(self._t_s) - 1)
+        means = (at_ends[1:] - at_ends[:-1]) / dt_s
+        if not self._gap_before.any():
+            return means, np.ones(len(index), dtype=np.bool_)
+        bracket = np.minimum(self._t_s.searchsorted(ends), len(self._t_s) - 1)
         in_gap = self._gap_before[bracket]
-        return (at_ends[1:] - at_ends[:-1]) / dt_s, ~(in_gap[1:] | in_gap[:-1])
+        return means, ~(in_gap[1:] | in_gap[:-1])
 
     def forget(self, before_s: float) -> None:
         """Drop samples that no grid point from this time on needs."""
-        start = max(int(np.searchsorted(self._t_s, before_s, side="right")) - 1, 0)
+        start = max(int(self._t_s.searchsorted(before_s, side="right")) - 1, 0)
         self._t_s, self._integral = self._t_s[start:], self._integral[start:]
         self._gap_before = self._gap_before[start:]
 
