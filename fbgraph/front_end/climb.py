@@ -143,7 +143,7 @@ class ClimbGauge:
         """Altitude at every multiple of the stride from one grid index to another, nan where the log was silent."""
         first, last = -(-first_index // self._stride), last_index // self._stride
         values = np.full(max(last - first + 1, 0), np.nan)
-        lo, hi = np.searchsorted(self._at, (first, last + 1))
+        lo, hi = self._at.searchsorted((first, last + 1)).tolist()
         values[self._at[lo:hi] - first] = self._altitude_m[lo:hi]
         return values
 
@@ -182,9 +182,11 @@ class ClimbGauge:
         windows = altitude_m[np.arange(len(altitude_m) - count + 1)[:, None] + np.arange(count)]
         t = np.arange(count) - (count - 1) / 2.0
         around = windows - windows.mean(axis=1)[:, None]
-        scatter = np.sqrt(((around - np.outer(around @ t / (t @ t), t)) ** 2).mean(axis=1))
-        middle = np.sort(scatter)[[(len(scatter) - 1) // 2, len(scatter) // 2]]  # (np.median is slow)
-        return float(max(middle.mean(), scatter[-1]))
+        around -= (around @ t / (t @ t))[:, None] * t
+        scatter: list[float] = np.sqrt((around**2).mean(axis=1)).tolist()
+        ordered = sorted(scatter)  # (np.median is slow)
+        middle = 0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
+        return max(middle, scatter[-1])
 
     def _gusts(self, index: int) -> bool:
         """Whether pressure has been going to and fro lately."""
@@ -196,8 +198,10 @@ class ClimbGauge:
         smooth = (summed[second:] - summed[:-second]) / second
         rate = (smooth[lag:] - smooth[:-lag]) / (lag * self._every_s)
         moving = np.flatnonzero(np.abs(rate) > _GUST_M_S)
+        if len(moving) <= _RESTLESS:  # a turn has a side before it
+            return False
         sign = np.sign(rate[moving])
-        turns = (sign[1:] != sign[:-1]) & (np.diff(moving) * self._every_s < _GUST_S)
+        turns = (sign[1:] != sign[:-1]) & ((moving[1:] - moving[:-1]) * self._every_s < _GUST_S)
         return int(turns.sum()) >= _RESTLESS
 
     def _steadied(self, altitude_m: FloatArray) -> FloatArray:
@@ -205,10 +209,11 @@ class ClimbGauge:
         if len(altitude_m) < 2:
             return altitude_m
         leaping, second = self._leaps(altitude_m), self._samples(1.0)
-        ahead = np.flatnonzero(leaping)[:, None] - np.arange(second)
-        change = np.diff(altitude_m, prepend=altitude_m[0])
-        change[ahead.ravel()] = 0.0
-        return np.asarray(np.cumsum(change))
+        change = np.zeros(len(altitude_m))
+        np.subtract(altitude_m[1:], altitude_m[:-1], out=change[1:])
+        if leaping.any():
+            change[(np.flatnonzero(leaping)[:, None] - np.arange(second)).ravel()] = 0.0
+        return np.asarray(np.add.accumulate(change))
 
     def _carried(self, first_index: int, last_index: int) -> float:
         """Rise between two grid indices at which nobody stepped: the smooth rides among what pressure did."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
-from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.front_end.climb import ClimbGauge
 from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
@@ -53,8 +53,6 @@ class StepGauge:
             stride = interval if peak.first or self._last_interval is None else (interval + self._last_interval) / 2
             first_of_walk = self._last_end is None
             step = self._measure_one(peak, frequency_hz=self._rate_hz / stride)
-            assert self._signals is not None
-            step = self._gait.told(step, self._signals, peak)
             if first_of_walk:
                 steps.append(_standing_start(step, self._altitude_before(peak)))
                 # a rest before the walk tells the bias, but no turn between two steps
@@ -68,7 +66,7 @@ class StepGauge:
     def _measure_one(self, peak: Peak, frequency_hz: float) -> Step:
         signals = self._signals
         assert signals is not None  # push comes before measure
-        lo, hi = np.searchsorted(signals.index, (peak.start_index + 1, peak.index + 1))
+        lo, hi = signals.index.searchsorted((peak.start_index + 1, peak.index + 1)).tolist()
         lo = min(lo, hi - 1)
         yaw_gyro = signals.yaw_gyro_rad[lo:hi]
         yaw_gyro_rad = float(yaw_gyro.mean())
@@ -76,8 +74,8 @@ class StepGauge:
         offset = offset[np.isfinite(offset)]
         yaw_mag_rad = float("nan")
         if len(offset):
-            mean_offset = np.arctan2(np.sin(offset).mean(), np.cos(offset).mean())
-            yaw_mag_rad = float(wrap_angle(np.asarray(yaw_gyro_rad + mean_offset)))
+            mean_offset = math.atan2(np.sin(offset).mean(), np.cos(offset).mean())
+            yaw_mag_rad = wrap_scalar(yaw_gyro_rad + mean_offset)
         bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
         bounce = min(bounce, _LIMB_BOUNCE_M_S2) if peak.swung else bounce
         surge = FULL_SURGE_M_S
@@ -85,7 +83,7 @@ class StepGauge:
             surge = surge_of(signals.acc_n_m_s2[lo:hi, :2], self._rate_hz)
         rest = self._rests.take(peak.index)
         # a hole in the index between this step and the one before is a gap in the log
-        since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
+        since = int(signals.index.searchsorted(self._last_end)) if self._last_end is not None else lo
         chained = bool(signals.index[hi - 1] - signals.index[since] == hi - 1 - since)
         if self._last_end is not None and signals.index[0] > self._last_end:
             chained = self._rests.unbroken_between(self._last_end, peak.index)
@@ -93,6 +91,7 @@ class StepGauge:
         air = self._climb.judge(peak, altitude_m, frequency_hz, surge, chained)
         each_m = flat_length_m(self._length, frequency_hz, surge) + self._length.gamma_m * air.slope
         length = max(each_m, self._length.shortest_m) * peak.count * peak.share
+        jumped = signals.field_jump_ut[since + 1 : hi].sum(axis=0)
         return Step(
             t_s=peak.index / self._rate_hz,
             start_s=peak.start_index / self._rate_hz,
@@ -119,8 +118,9 @@ class StepGauge:
             rest_s=rest.duration_s,
             rest_drift_rad=rest.drift_rad,
             rest_drift_sigma_rad=rest.drift_sigma_rad,
-            jump_x_ut=float(signals.field_jump_ut[since + 1 : hi, 0].sum()),
-            jump_y_ut=float(signals.field_jump_ut[since + 1 : hi, 1].sum()),
+            jump_x_ut=float(jumped[0]),
+            jump_y_ut=float(jumped[1]),
+            **self._gait.push(signals, peak)._asdict(),
         )
 
     def _doubt_m(self, peak: Peak, length_m: float, frequency_hz: float, surge_m_s: float) -> float:
@@ -168,5 +168,8 @@ def _standing_start(first: Step, altitude_m: float) -> Step:
 
 
 def _mean_finite(values: FloatArray) -> float:
+    mean = float(values.mean()) if len(values) else math.nan
+    if math.isfinite(mean):
+        return mean
     finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else float("nan")
+    return float(finite.mean()) if len(finite) else math.nan
