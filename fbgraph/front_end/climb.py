@@ -242,4 +242,6 @@ def _line(values: FloatArray, every_s: float) -> tuple[float, float]:
     """Slope of the least-squares line through equidistant values, per second, and the deviation from it."""
     t_s = (np.arange(len(values)) - (len(values) - 1) / 2.0) * every_s
     rate = float(t_s @ values / (t_s @ t_s))
-    return rate, float(np.std(values - rate * t_s))
+    off = values - rate * t_s
+    off -= off.mean()
+    return rate, math.sqrt((off * off).mean())

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.front_end.levelled_signals import LevelledSignals, gaps
@@ -57,6 +59,11 @@ class Frames:
 
     def __len__(self) -> int:
         return len(self.index)
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """All of them, in the order in which they make frames."""
+        return [getattr(self, name) for name in _FRAMES]
 
     @staticmethod
     def concatenate(pieces: list[Frames]) -> Frames:

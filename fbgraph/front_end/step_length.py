@@ -20,7 +20,7 @@ same weight; the mean RMSE of the smoother's headings with these lengths, in met
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray
@@ -52,5 +52,6 @@ def surge_of(acc_level_m_s2: FloatArray, rate_hz: float) -> float:
             not quite levelled) is taken out.
         rate_hz: of the samples.
     """
-    speed = np.cumsum(acc_level_m_s2 - acc_level_m_s2.mean(axis=0), axis=0) / rate_hz
-    return float(np.sqrt(8.0 * speed.var(axis=0).sum()))
+    speed = (acc_level_m_s2 - acc_level_m_s2.mean(axis=0)).cumsum(axis=0) / rate_hz
+    speed -= speed.mean(axis=0)
+    return math.sqrt(8.0 * (speed * speed).mean(axis=0).sum())
