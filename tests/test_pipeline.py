@@ -15,7 +15,7 @@ from fbgraph.simulator.simulate_options import SimulateOptions
 from fbgraph.way_back.turns import find_turns
 
 METRONOME = Walker(gait_variation=0.0, alpha_m=0.71, beta_m_s=0.0, gamma_m=0.0)
-CONSTANT = StepLengthConfig(constant_m=0.71, alpha_m=0.71, beta_m_s=0.0, gamma_m=0.0, kappa=0.0)
+CONSTANT = StepLengthConfig(constant_m=0.71, alpha_m=0.71, beta_m_s=0.0, gamma_m=0.0, beta2_m_s2=0.0, kappa_surge=0.0)
 
 
 def errors_m(estimate: Trajectory, walk: SimulatedWalk) -> FloatArray:

@@ -56,15 +56,15 @@ def test_museum_unaided(museum: dict[str, RealWalk]) -> None:
     walks = [w for name, w in museum.items() if on_one_floor(name)]
     mean = mean_rmse_m(walks)
     assert len(walks) == 7
-    assert mean["ekf"] <= 5.0
-    assert mean["smoothed"] <= 3.6
+    assert mean["ekf"] <= 4.0
+    assert mean["smoothed"] <= 1.8
     assert mean["smoothed"] <= 0.85 * mean["ekf"]
     assert mean["ekf"] < mean["pdr"]
 
 
 def test_museum_closed(shared_data: Path) -> None:
     paths = [path for path in sorted((shared_data / "ipin2023").glob("*.gz")) if on_one_floor(path.name)]
-    assert mean_rmse_m([walk(path, closed_walk=True) for path in paths])["smoothed"] <= 2.7
+    assert mean_rmse_m([walk(path, closed_walk=True) for path in paths])["smoothed"] <= 1.8
 
 
 def test_closures_help_the_smoother_on_ways_back(shared_data: Path, museum: dict[str, RealWalk]) -> None:
@@ -87,18 +87,28 @@ def test_shopping_centre_unaided(shared_data: Path) -> None:
     paths = sorted((shared_data / "indoor-location" / "site1").rglob("*.txt.gz"))
     mean = mean_rmse_m([walk(path) for path in paths])
     assert len(paths) == 80
-    assert mean["ekf"] <= 5.4
-    assert mean["smoothed"] <= 4.7
+    assert mean["ekf"] <= 4.8
+    assert mean["smoothed"] <= 4.1
     assert mean["smoothed"] <= 0.93 * mean["ekf"]
 
 
-@pytest.mark.parametrize("name", ["dan_handheld1", "dan_body1", "hao_body2", "dan_leg1"])
-def test_other_ways_of_carrying_still_give_a_walk(shared_data: Path, name: str) -> None:
-    """RIDI: hand, chest strap and pocket. The mount is not known, so only the distance is judged."""
+@pytest.mark.parametrize(
+    ("name", "within"),
+    [
+        ("dan_handheld1", 0.06),
+        ("ruixuan_handheld2", 0.06),
+        ("dan_body1", 0.06),
+        ("hao_body2", 0.06),
+        ("dan_bag2", 0.12),
+        ("dan_leg1", 0.12),
+    ],
+)
+def test_ways_are_as_long_as_walked_however_the_device_is_carried(shared_data: Path, name: str, within: float) -> None:
+    """RIDI: hand, chest strap, bag and pocket. The mount is not known, so only the distance is judged."""
     path = shared_data / "ridi" / f"{name}.csv.gz"
     result = reconstruct(read_log(path).log, load_config("phone"))
     truth = np.genfromtxt(path, delimiter=",", names=True)
     coarse = slice(None, None, 100)
     walked_m = np.hypot(np.diff(truth["pos_x"][coarse]), np.diff(truth["pos_y"][coarse])).sum()
     found_m = result.trajectories["smoothed"].distance_m[-1]
-    assert found_m == pytest.approx(walked_m, rel=0.35)
+    assert found_m == pytest.approx(walked_m, rel=within)

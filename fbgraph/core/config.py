@@ -143,21 +143,24 @@ class CarryingConfig(Section):
 
 
 class StepLengthConfig(Section):
-    """L = alpha + beta * f_step + gamma * slope (paper, section Parameter Selection) + kappa * bounce^(1/4).
+    """L = alpha + beta * f + gamma * slope (paper, section Parameter Selection) + beta2 * f² + kappa * √surge.
 
-    The last term is ours, after Weinberg (Analog Devices AN-602): at the same cadence a longer step bounces more.
-    It is 0 for devices whose bounce is unknown. Defaults are fitted to hand-held phones.
+    f is the step frequency. The last two terms are ours (``front_end.step_length``): who takes longer steps at the
+    same cadence surges more.
+    With both of them 0 it is the paper's model. Defaults are fitted to phones in hand and on the chest.
     """
 
     constant_m: Metres = 0.64
     """L0 of the baseline PDR."""
-    alpha_m: Coefficient = 0.615
-    beta_m_s: Coefficient = -0.315
-    """Metres per hertz of step frequency. Negative beside a bounce: the same bounce, only faster, is less rise."""
+    alpha_m: Coefficient = -1.077
+    beta_m_s: Coefficient = 1.302
+    """Metres per hertz of step frequency."""
+    beta2_m_s2: Coefficient = -0.334
+    """Metres per square of it: beyond 2 Hz quicker steps are shorter ones, but for runners."""
     gamma_m: Coefficient = -1.75
     """Metres per unit slope; slope = |climb rate| / flat walking speed, so stairs shorten the step."""
-    kappa: Coefficient = 0.366
-    """Metres per fourth root of the peak-to-peak vertical acceleration in m/s²."""
+    kappa_surge: Coefficient = 1.075
+    """Metres per square root of the surge: how much the horizontal speed goes to and fro in a step, in m/s."""
     min_climb_m_s: NonNegative = 0.12
     """A slower change of altitude is taken for air pressure, not for slope."""
     start_doubt_m: NonNegative = 1.6

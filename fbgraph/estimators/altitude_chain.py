@@ -64,11 +64,11 @@ class AltitudeChain:
         if not step.chained:
             climb_m = math.hypot(climb_m, config.sigma_gap_m_s * passed_s)
         weather_m = math.hypot(config.sigma_weather_m * math.sqrt(passed_s), _BLOWN_REL * step.blown_m)
-        graph.push_back(gtsam.BetweenFactorDouble(Z(k - 1), Z(k), step.carried_m, sigmas(climb_m)))
-        graph.push_back(gtsam.BetweenFactorDouble(D(k - 1), D(k), -step.blown_m, sigmas(weather_m)))
+        graph.add(gtsam.BetweenFactorDouble(Z(k - 1), Z(k), step.carried_m, sigmas(climb_m)))
+        graph.add(gtsam.BetweenFactorDouble(D(k - 1), D(k), -step.blown_m, sigmas(weather_m)))
         if math.isfinite(step.altitude_m):
             measured_m = step.altitude_m - self._altitude_0
-            graph.push_back(gtsam.BetweenFactorDouble(D(k), Z(k), measured_m, huber(HUBER, self._sigma_m(step))))
+            graph.add(gtsam.BetweenFactorDouble(D(k), Z(k), measured_m, huber(HUBER, self._sigma_m(step))))
 
     def _sigma_m(self, step: Step) -> float:
         """Of a step's altitude. Gusts last: as many steps as one takes know no more of altitude than one."""

@@ -53,6 +53,8 @@ class CompassReadings:
     @staticmethod
     def concatenate(pieces: Sequence[CompassReadings]) -> CompassReadings:
         """Readings in order as one."""
+        if len(pieces) == 1:
+            return pieces[0]
         return CompassReadings(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(CompassReadings)))
 
 
@@ -113,13 +115,17 @@ def compass_residuals(
     heard = np.maximum(level, _WEAK * usual)
     across = wrap_angle(yaw_rad - readings.mount_rad + np.arctan2(v, u))
     strength = (level - iron_ut[:, STRENGTH]) / usual
-    zero = np.zeros(len(u))
     limit = config.mag_huber * readings.own_rad
+    across_by, strength_by = np.zeros((len(u), 3)), np.full((len(u), 3), -1.0)
+    both = level * heard
+    across_by[:, H_X], across_by[:, H_Y] = v / both, -u / both
+    strength_by[:, H_X], strength_by[:, H_Y] = -u / level, -v / level
+    strength_by /= usual[:, None]
     return CompassResiduals(
         across,
-        np.column_stack((v / (level * heard), -u / (level * heard), zero)),
+        across_by,
         strength,
-        np.column_stack((-u / level, -v / level, zero - 1.0)) / usual[:, None],
+        strength_by,
         np.minimum(1.0, limit / np.maximum(np.abs(across), 1e-9)),
         np.minimum(1.0, limit / np.maximum(np.abs(strength), 1e-9)),
     )

@@ -49,10 +49,13 @@ def compass_factors(
         config: weights.
     """
     off = compass_residuals(readings, yaw_rad, iron_ut, config)
-    by_iron = UNIT_UT * np.stack((off.across_by_iron, off.strength_by_iron), axis=1)
-    right = -np.column_stack((off.across_rad, off.strength_rel))
-    weights = np.column_stack((off.across_weight, off.strength_weight))
-    sigma = readings.sigma_rad[:, None] / np.sqrt(weights)
+    by_iron, right, sigma = np.empty((len(k), 2, 3)), np.empty((len(k), 2)), np.empty((len(k), 2))
+    by_iron[:, 0], by_iron[:, 1] = off.across_by_iron, off.strength_by_iron
+    by_iron *= UNIT_UT
+    np.negative(off.across_rad, out=right[:, 0])
+    np.negative(off.strength_rel, out=right[:, 1])
+    np.divide(readings.sigma_rad, np.sqrt(off.across_weight), out=sigma[:, 0])
+    np.divide(readings.sigma_rad, np.sqrt(off.strength_weight), out=sigma[:, 1])
     factors = []
     for at, one in enumerate(k.tolist()):
         j = int(stretch[at])
@@ -60,7 +63,7 @@ def compass_factors(
             X(one), _BY_POSE, I(j), by_iron[at], right[at], gtsam.noiseModel.Diagonal.Sigmas(sigma[at])
         )
         point = gtsam.Values()
-        point.insert(X(one), pose2=gtsam.Pose2(0.0, 0.0, float(yaw_rad[at])))
+        point.insert_or_assign(X(one), pose2=gtsam.Pose2(0.0, 0.0, float(yaw_rad[at])))
         point.insert(I(j), iron_ut[at] / UNIT_UT)
         factors.append(gtsam.LinearContainerFactor(jacobian, point))
     return factors

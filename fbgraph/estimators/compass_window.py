@@ -71,10 +71,10 @@ class CompassWindow:
             self.iron_ut.append(self.iron_ut[-1])
             self._starts.append(k)
             values.insert(I(len(self._starts) - 1), self.iron_ut[-1] / UNIT_UT)
-            graph.push_back(self._tie(len(self._starts) - 1))
+            graph.add(self._tie(len(self._starts) - 1))
         self._heard.append((k, reading))
         for factor in self._factors([(k, reading)], [node.yaw_rad]):
-            graph.push_back(factor)
+            graph.add(factor)
 
     def turned(self, first: int, steps: Sequence[Step]) -> None:
         """The device was held otherwise than believed at the steps from ``first`` on."""

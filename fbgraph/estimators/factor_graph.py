@@ -32,7 +32,7 @@ import math
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, D, I, X, Z
+from gtsam.symbol_shorthand import B, I, X
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.config import GraphConfig
@@ -96,10 +96,7 @@ class GraphBuilder:
         """
         self._k += 1
         k, previous = self._k, self._previous
-        values.insert(X(k), pose2=node.pose)
-        values.insert(Z(k), c=node.z_m)
-        values.insert(B(k), node.gyroscope)
-        values.insert(D(k), c=node.isobar_m)
+        node.insert_into(values, k)
         if previous is None or previous_node is None:
             self._add_start(node, graph)
         else:
@@ -129,7 +126,7 @@ class GraphBuilder:
             silent_s = step.t_s - previous.t_s
             along = across = config.sigma_gap_m_s * silent_s
             turn = min(config.sigma_gap_yaw_rad_s * silent_s, math.pi)
-        graph.push_back(
+        graph.add(
             gtsam.BetweenFactorPose2(X(k), X(k - 1), gtsam.Pose2(-step.length_m, 0.0, 0.0), sigmas(along, across, turn))
         )
 
@@ -139,9 +136,9 @@ class GraphBuilder:
         config = self._config
         turn = gyro_turn(previous, step, config)
         if step.chained:
-            graph.push_back(heading_factor(k, turn, node, previous_node))
+            graph.add(heading_factor(k, turn, node, previous_node))
         model = sigmas(turn.drift_rad_s, _SCALE_WALK)
-        graph.push_back(gtsam.BetweenFactorVector(B(k - 1), B(k), np.zeros(2), model))
+        graph.add(gtsam.BetweenFactorVector(B(k - 1), B(k), np.zeros(2), model))
         if step.rest_s > 0:
             graph.push_back(rest_factor(k, step, node))
 
@@ -220,8 +217,8 @@ def heading_factor(k: int, turn: GyroTurn, node: Node, previous: Node) -> gtsam.
         X(k - 1), -_YAW_ROW, X(k), _YAW_ROW, B(k), by_gyroscope, residual, sigmas(turn.sigma_rad)
     )
     point = gtsam.Values()
-    point.insert(X(k - 1), pose2=previous.pose)
-    point.insert(X(k), pose2=node.pose)
+    point.insert_or_assign(X(k - 1), pose2=previous.pose)
+    point.insert_or_assign(X(k), pose2=node.pose)
     point.insert(B(k), node.gyroscope)
     return gtsam.LinearContainerFactor(jacobian, point)
 

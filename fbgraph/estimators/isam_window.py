@@ -162,10 +162,7 @@ class IsamWindow:
         self._compass.turned(first, steps)
         values = gtsam.Values()
         for k, node in enumerate(self.nodes[self.first :], self.first):
-            values.insert(X(k), pose2=node.pose)
-            values.insert(Z(k), c=node.z_m)
-            values.insert(B(k), node.gyroscope)
-            values.insert(D(k), c=node.isobar_m)
+            node.insert_into(values, k)
         self._rebuild(self.first, values)
 
     def close(self, closures: Iterable[Closure]) -> None:
@@ -227,7 +224,7 @@ class IsamWindow:
         for part in self._graphs:
             graph.push_back(part)
         for factor in self._compass.again(self.nodes, first, len(self.nodes) - 1):
-            graph.push_back(factor)
+            graph.add(factor)
         for closure in self.closures:
             if closure.j > first:
                 graph.push_back(self._closure_factor(closure, first))
@@ -259,7 +256,7 @@ class IsamWindow:
             if self.first < closure.j <= join:
                 older.push_back(self._closure_factor(closure, self.first))
         for factor in self._compass.again(self.nodes, self.first, join):
-            older.push_back(factor)
+            older.add(factor)
         gone = gtsam.Ordering()
         iron = self._compass.state_of(join)
         states = [j for j in self._compass.states(self.first) if iron is not None and j < iron]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
+from gtsam.symbol_shorthand import B, D, X, Z
 
 from fbgraph.core.geometry import FloatArray
 
@@ -31,3 +32,11 @@ class Node:
     def gyroscope(self) -> FloatArray:
         """(2,) its bias and scale."""
         return np.array([self.bias_rad_s, self.gyro_scale])
+
+    def insert_into(self, values: gtsam.Values, k: int) -> None:
+        """Let values hold it as breadcrumb ``k``."""
+        # (``insert`` does the same, but asks thirty other types first whether a number is one of them)
+        values.insert_or_assign(X(k), pose2=self.pose)
+        values.insert_or_assign(Z(k), c=self.z_m)
+        values.insert(B(k), self.gyroscope)
+        values.insert_or_assign(D(k), c=self.isobar_m)

@@ -200,9 +200,10 @@ class OnlineSmoother:
             # the way back is known by distances and turns: it needs no frame, and none may change under it
             told, closures = self._companion.advance(update, step, self._own_estimate)
             self._window.close(closures)
-            update = replace(update, returning=told)
+        else:
+            told = None
         x_m, y_m, yaw_rad = self._anchors.seen(update)
-        update = replace(update, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+        update = replace(update, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, returning=told)
         self._updates.append(update)
         if self._believe_steps and k and k % self._believe_steps == 0:
             self.beliefs.append(self.belief())

@@ -268,8 +268,16 @@ def usual(pushes: Pushes) -> Pushes:
     """
     if len(pushes) == 0:
         return pushes
-    off = np.linalg.norm(pushes - (np.median(pushes.real, axis=0) + 1j * np.median(pushes.imag, axis=0)), axis=1)
-    return np.asarray(pushes[off <= _UNUSUAL * np.median(off) + _NOISE_M_S2])
+    pushes = np.ascontiguousarray(pushes)
+    middle = _middle(pushes.view(np.float64)).view(np.complex128)  # real and imaginary parts by themselves
+    off = np.linalg.norm(pushes - middle, axis=1)
+    return np.asarray(pushes[off <= _UNUSUAL * _middle(off) + _NOISE_M_S2])
+
+
+def _middle(values: FloatArray) -> FloatArray:
+    """Median of every column; ``np.median`` takes many times as long over a dozen rows."""
+    ordered = np.sort(values, axis=0)
+    return np.asarray(0.5 * (ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]))
 
 
 def start_belief(pushes: Pushes, steps: Sequence[Step], config: CarryingConfig) -> Belief:

@@ -79,23 +79,25 @@ class ClimbGauge:
         """Take the next signals, before the steps found in them."""
         if len(signals) == 0:
             return
-        chosen = signals.index % self._stride == 0
+        chosen = np.flatnonzero(signals.index % self._stride == 0)
+        if len(chosen) == 0:
+            return
         self._at = np.concatenate((self._at, signals.index[chosen] // self._stride))
         self._altitude_m = np.concatenate((self._altitude_m, signals.altitude_m[chosen]))
         # a ride may have begun at the last step, and steps of a run become known a few seconds late
         since_index = signals.index[0] if self._last_end is None else min(signals.index[0], self._last_end)
         since_index = max(since_index, signals.index[0] - round(_REST_S * self._rate_hz))
         self._looked = -1, self._looked[1]
-        kept = self._at >= since_index // self._stride - self._samples(LOOK_BACK_S + MEMORY_S)
-        self._at, self._altitude_m = self._at[kept], self._altitude_m[kept]
+        start = self._at.searchsorted(since_index // self._stride - self._samples(LOOK_BACK_S + MEMORY_S))
+        self._at, self._altitude_m = self._at[start:], self._altitude_m[start:]
 
-    def judge(self, peak: Peak, altitude_m: float, frequency_hz: float, bounce_m_s2: float, chained: bool) -> Air:
+    def judge(self, peak: Peak, altitude_m: float, frequency_hz: float, surge_m_s: float, chained: bool) -> Air:
         """What pressure says at the next step.
 
         Args:
             peak: the step.
             altitude_m: its mean altitude.
-            frequency_hz, bounce_m_s2: how it was walked.
+            frequency_hz, surge_m_s: how it was walked.
             chained: whether the log has no gap since the step before.
         """
         self._frequencies_hz = [*self._frequencies_hz[1 - _CADENCE_STEPS :], frequency_hz]
@@ -104,7 +106,7 @@ class ClimbGauge:
         slope = 0.0
         resolved = peak.count <= _STRIDE  # else nobody saw the steps that might have climbed
         if self._length.min_climb_m_s < abs(climb_m_s) <= legs_m_s and resolved and not gusty:  # never when it is nan
-            level_m = max(flat_length_m(self._length, frequency_hz, bounce_m_s2), self._length.shortest_m)
+            level_m = max(flat_length_m(self._length, frequency_hz, surge_m_s), self._length.shortest_m)
             slope = abs(climb_m_s) / (level_m * frequency_hz)
         carried_m = blown_m = 0.0
         if self._last_end is not None and chained and math.isfinite(altitude_m - self._last_altitude_m):
@@ -141,7 +143,7 @@ class ClimbGauge:
         """Altitude at every multiple of the stride from one grid index to another, nan where the log was silent."""
         first, last = -(-first_index // self._stride), last_index // self._stride
         values = np.full(max(last - first + 1, 0), np.nan)
-        lo, hi = np.searchsorted(self._at, (first, last + 1))
+        lo, hi = self._at.searchsorted((first, last + 1)).tolist()
         values[self._at[lo:hi] - first] = self._altitude_m[lo:hi]
         return values
 
@@ -180,9 +182,11 @@ class ClimbGauge:
         windows = altitude_m[np.arange(len(altitude_m) - count + 1)[:, None] + np.arange(count)]
         t = np.arange(count) - (count - 1) / 2.0
         around = windows - windows.mean(axis=1)[:, None]
-        scatter = np.sqrt(((around - np.outer(around @ t / (t @ t), t)) ** 2).mean(axis=1))
-        middle = np.sort(scatter)[[(len(scatter) - 1) // 2, len(scatter) // 2]]  # (np.median is slow)
-        return float(max(middle.mean(), scatter[-1]))
+        around -= (around @ t / (t @ t))[:, None] * t
+        scatter: list[float] = np.sqrt((around**2).mean(axis=1)).tolist()
+        ordered = sorted(scatter)  # (np.median is slow)
+        middle = 0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
+        return max(middle, scatter[-1])
 
     def _gusts(self, index: int) -> bool:
         """Whether pressure has been going to and fro lately."""
@@ -194,8 +198,10 @@ class ClimbGauge:
         smooth = (summed[second:] - summed[:-second]) / second
         rate = (smooth[lag:] - smooth[:-lag]) / (lag * self._every_s)
         moving = np.flatnonzero(np.abs(rate) > _GUST_M_S)
+        if len(moving) <= _RESTLESS:  # a turn has a side before it
+            return False
         sign = np.sign(rate[moving])
-        turns = (sign[1:] != sign[:-1]) & (np.diff(moving) * self._every_s < _GUST_S)
+        turns = (sign[1:] != sign[:-1]) & ((moving[1:] - moving[:-1]) * self._every_s < _GUST_S)
         return int(turns.sum()) >= _RESTLESS
 
     def _steadied(self, altitude_m: FloatArray) -> FloatArray:
@@ -203,10 +209,11 @@ class ClimbGauge:
         if len(altitude_m) < 2:
             return altitude_m
         leaping, second = self._leaps(altitude_m), self._samples(1.0)
-        ahead = np.flatnonzero(leaping)[:, None] - np.arange(second)
-        change = np.diff(altitude_m, prepend=altitude_m[0])
-        change[ahead.ravel()] = 0.0
-        return np.asarray(np.cumsum(change))
+        change = np.zeros(len(altitude_m))
+        np.subtract(altitude_m[1:], altitude_m[:-1], out=change[1:])
+        if leaping.any():
+            change[(np.flatnonzero(leaping)[:, None] - np.arange(second)).ravel()] = 0.0
+        return np.asarray(np.add.accumulate(change))
 
     def _carried(self, first_index: int, last_index: int) -> float:
         """Rise between two grid indices at which nobody stepped: the smooth rides among what pressure did."""
@@ -235,4 +242,6 @@ def _line(values: FloatArray, every_s: float) -> tuple[float, float]:
     """Slope of the least-squares line through equidistant values, per second, and the deviation from it."""
     t_s = (np.arange(len(values)) - (len(values) - 1) / 2.0) * every_s
     rate = float(t_s @ values / (t_s @ t_s))
-    return rate, float(np.std(values - rate * t_s))
+    off = values - rate * t_s
+    off -= off.mean()
+    return rate, math.sqrt((off * off).mean())

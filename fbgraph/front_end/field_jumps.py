@@ -21,10 +21,7 @@ class FieldJumps:
     """Magnetometer samples in a frame that does not turn with the device in; jumps out, half a second later."""
 
     def __init__(self) -> None:
-        self._t_s = np.empty(0)
-        self._field_ut = np.empty((0, 3))
-        self._yaw_rad = np.empty(0)
-        self._changes_ut = np.empty(0)  # from each sample to the next
+        self._rows = np.empty((0, 6))  # time, field, yaw, change of the field since the sample before
         self._judged_s = -np.inf
 
     def push(self, t_s: FloatArray, field_ut: FloatArray, yaw_rad: FloatArray) -> FloatArray:
@@ -39,43 +36,46 @@ class FieldJumps:
         """
         if len(t_s) == 0:
             return np.empty((0, 3))
-        known = len(self._t_s)
-        self._t_s = np.concatenate((self._t_s, t_s))
-        self._field_ut = np.concatenate((self._field_ut, field_ut))
-        new = np.linalg.norm(self._field_ut[max(known, 1) :] - self._field_ut[max(known, 1) - 1 : -1], axis=1)
-        self._changes_ut = changes = np.concatenate((self._changes_ut, new))
-        self._yaw_rad = np.concatenate((self._yaw_rad, yaw_rad))
+        known = len(self._rows)
+        rows = np.empty((known + len(t_s), 6))
+        rows[:known], rows[known:, 0], rows[known:, 1:4], rows[known:, 4] = self._rows, t_s, field_ut, yaw_rad
+        if known == 0:
+            rows[0, 5], known = 0.0, 1
+        step = rows[known:, 1:4] - rows[known - 1 : -1, 1:4]
+        rows[known:, 5] = np.sqrt((step * step).sum(axis=1))
+        at_s, large = rows[:, 0], rows[:, 5] > _LEAST_UT
         jumps: list[tuple[float, float, float]] = []
-        for at in np.flatnonzero((changes > _LEAST_UT) & (self._t_s[:-1] > self._judged_s)):
-            end = int(np.searchsorted(self._t_s, self._t_s[at + 1] + _SIDE_S))
-            if end >= len(self._t_s):
+        for after in np.flatnonzero(large).tolist() if large.any() else ():
+            if at_s[after - 1] <= self._judged_s:
+                continue
+            end = int(at_s.searchsorted(at_s[after] + _SIDE_S))
+            if end >= len(rows):
                 break  # what follows has not come yet
-            self._judged_s = float(self._t_s[at])
-            if (jump := self._jump(int(at), end, changes)) is not None:
-                jumps.append((float(self._t_s[end]), float(jump[0]), float(jump[1])))
-        start = int(np.searchsorted(self._t_s, self._t_s[-1] - 3.0 * _SIDE_S))
-        self._changes_ut = self._changes_ut[start:]
-        self._t_s, self._field_ut, self._yaw_rad = self._t_s[start:], self._field_ut[start:], self._yaw_rad[start:]
+            self._judged_s = float(at_s[after - 1])
+            if (jump := _jump(rows, after, end)) is not None:
+                jumps.append((float(at_s[end]), float(jump[0]), float(jump[1])))
+        self._rows = rows[int(at_s.searchsorted(at_s[-1] - 3.0 * _SIDE_S)) :]
         return np.array(jumps).reshape(-1, 3)
 
-    def _jump(self, at: int, end: int, changes: FloatArray) -> FloatArray | None:
-        """By how much the field jumped after sample ``at``, if it was steady before and stays so until ``end``."""
-        begin = int(np.searchsorted(self._t_s, self._t_s[at] - _SIDE_S))
-        before, after = self._field_ut[begin : at + 1], self._field_ut[at + 1 : end]
-        if min(len(before), len(after)) < _LEAST_SAMPLES:
-            return None
-        jump = self._field_ut[at + 1] - self._field_ut[at]
-        size = float(np.linalg.norm(jump))
-        usual = float(np.median(np.concatenate((changes[begin:at], changes[at + 1 : end - 1]))))
-        middle = np.median(before, axis=0)
-        # what is in the device turns with it
-        added = _turned_back(after - middle, self._yaw_rad[at + 1 : end] - self._yaw_rad[at + 1])
-        stays = np.median(added, axis=0)
-        scatter = max(_scatter(before, middle), _scatter(added, stays))
-        same = float(np.linalg.norm(stays - jump)) < _STAYS * size
-        if not same or scatter > _STEADY * size or size < _TIMES_USUAL * usual:
-            return None
-        return np.asarray(_turned_back(jump[None], self._yaw_rad[at + 1 : at + 2])[0])
+
+def _jump(rows: FloatArray, first: int, end: int) -> FloatArray | None:
+    """By how much the field jumped before sample ``first``, if it was steady till then and stays so until ``end``."""
+    begin = int(rows[:, 0].searchsorted(rows[first - 1, 0] - _SIDE_S))
+    before, after = rows[begin:first, 1:4], rows[first:end, 1:4]
+    if min(len(before), len(after)) < _LEAST_SAMPLES:
+        return None
+    jump = rows[first, 1:4] - rows[first - 1, 1:4]
+    size = float(np.linalg.norm(jump))
+    usual = float(np.median(np.concatenate((rows[begin + 1 : first, 5], rows[first + 1 : end, 5]))))
+    middle = np.median(before, axis=0)
+    # what is in the device turns with it
+    added = _turned_back(after - middle, rows[first:end, 4] - rows[first, 4])
+    stays = np.median(added, axis=0)
+    scatter = max(_scatter(before, middle), _scatter(added, stays))
+    same = float(np.linalg.norm(stays - jump)) < _STAYS * size
+    if not same or scatter > _STEADY * size or size < _TIMES_USUAL * usual:
+        return None
+    return np.asarray(_turned_back(jump[None], rows[first : first + 1, 4])[0])
 
 
 def _turned_back(vectors: FloatArray, angle_rad: FloatArray) -> FloatArray:

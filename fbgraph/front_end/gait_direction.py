@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from fbgraph.core.geometry import FloatArray
 from fbgraph.front_end.levelled_signals import LevelledSignals
-from fbgraph.front_end.step_track import Peak, Step
+from fbgraph.front_end.step_track import Peak
 
 _LAG_RAD = math.radians(75.0)
 """By which the push follows the bounce: on 94 real walks in hand, on the chest, in bag and pocket it lies between 10
@@ -35,6 +36,17 @@ class Beat:
     up: complex
 
 
+class Push(NamedTuple):
+    """Which way the legs pushed at a step, nan if it is not known, and how the device was held: as in ``Step``."""
+
+    mount_up_rad: float
+    tilt_rate_rad_s: float
+    gait_yaw_rad: float = math.nan
+    push_m_s2: float = math.nan
+    side_forward_m_s2: float = math.nan
+    side_left_m_s2: float = math.nan
+
+
 class GaitDirection:
     """Tells steps which way the legs pushed. Two steps are looked at: over them what goes with the stride is gone."""
 
@@ -42,33 +54,28 @@ class GaitDirection:
         self._before: Beat | None = None
         self._steps = 0  # of this run
 
-    def told(self, step: Step, signals: LevelledSignals, peak: Peak) -> Step:
-        """The step of a peak, with its push if it followed upon another, and how the device was held meanwhile.
+    def push(self, signals: LevelledSignals, peak: Peak) -> Push:
+        """The push of the next step, if it followed upon another, and how the device was held meanwhile.
 
         Args:
-            step: as measured; the next one.
             signals: among them all those of the step.
             peak: where it began and ended.
         """
-        lo, hi = np.searchsorted(signals.index, (peak.start_index + 1, peak.index + 1)).tolist()
+        lo, hi = signals.index.searchsorted((peak.start_index + 1, peak.index + 1)).tolist()
         self._steps = 1 if peak.first else self._steps + 1
         beat = beat_of(signals, lo, hi, peak) if self._steps > _SETTING_OFF else None
         before, self._before = self._before, beat
         lo = min(lo, hi - 1)
-        step = replace(
-            step,
-            mount_up_rad=float(signals.mount_up_rad[lo:hi].mean()),
-            tilt_rate_rad_s=float(signals.tilt_rate_rad_s[lo:hi].mean()),
-        )
+        held = float(signals.mount_up_rad[lo:hi].mean()), float(signals.tilt_rate_rad_s[lo:hi].mean())
         if beat is None or before is None or before.end != peak.start_index:
-            return step
+            return Push(*held)
         up = beat.up + before.up
         if abs(up) == 0.0:
-            return step
+            return Push(*held)
         turn = 0.5 * (up / abs(up)).conjugate() * cmath.exp(-1j * _LAG_RAD)
         forward, left = (beat.forward + before.forward) * turn, (beat.left + before.left) * turn
-        return replace(
-            step,
+        return Push(
+            *held,
             gait_yaw_rad=math.atan2(left.real, forward.real),
             push_m_s2=math.hypot(left.real, forward.real),
             side_forward_m_s2=forward.imag,

@@ -75,4 +75,12 @@ class LevelledSignals:
         return LevelledSignals(*[np.concatenate([getattr(p, name) for p in pieces]) for name in _SIGNALS])
 
 
+def gaps(index: IntArray) -> list[int]:
+    """Where a grid index goes on after a gap: positions in ``index``, which increases."""
+    if len(index) == 0 or int(index[-1]) - int(index[0]) == len(index) - 1:
+        return []
+    whole: list[int] = (np.flatnonzero(index[1:] - index[:-1] > 1) + 1).tolist()
+    return whole
+
+
 _SIGNALS = tuple(f.name for f in fields(LevelledSignals))

@@ -6,6 +6,8 @@ same samples. Everything in it is therefore either element-wise or strictly sequ
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from vqf import VQF
 
@@ -20,6 +22,7 @@ from fbgraph.front_end.running_sums import IntervalMean, WindowMoments, interp_c
 _LONG_SILENCE_S = 60.0  # of a shorter one every grid point is looked at
 _PRESSURE_MEDIAN = 5  # samples; rejects single outliers of slow barometers
 _FROZEN_SAMPLES, _FROZEN_S = 40, 8.0  # a barometer that repeats itself to the last digit for longer has stopped
+_YES = np.array([True])
 _STALE_S = 10.0  # nor does a reading hold for longer
 
 
@@ -71,10 +74,11 @@ class Leveller:
 
     def _advance(self, final: bool) -> LevelledSignals:
         pieces = [self._means(index) for index in self._certain_indices(final)]
-        index, acc_b, gyro_b, mag_b = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        index, acc_b, gyro_b, mag_b = (
+            parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in zip(*pieces, strict=True)
+        )
         t_s = np.asarray(index * self._dt_s, dtype=np.float64)
-        acc, gyro = np.ascontiguousarray(acc_b), np.ascontiguousarray(gyro_b)
-        signals = self._level(index, t_s, acc, gyro, mag_b)
+        signals = self._level(index, t_s, acc_b, gyro_b, mag_b)
         self._forget()
         return signals
 
@@ -85,6 +89,8 @@ class Leveller:
         gyro_b, gyro_ok = self._gyro.means(index, self._dt_s)
         mag_b = _interpolate(self._mag, t_s, self._config.max_gap_s)
         keep = acc_ok & gyro_ok
+        if keep.all():
+            return index, acc_b, gyro_b, mag_b
         return index[keep], acc_b[keep], gyro_b[keep], mag_b[keep]
 
     def _certain_indices(self, final: bool) -> list[IntArray]:
@@ -133,11 +139,12 @@ class Leveller:
         mag_horizontal = np.hypot(mag_n[:, 0], mag_n[:, 1])
         # vqf's world is turned by an unknown angle; the field's own azimuth in it tells which way North is
         yaw_mag = wrap_angle(yaw_vqf + self._north_rad - np.arctan2(mag_n[:, 1], mag_n[:, 0]))
-        acc_norm = np.sqrt((acc_b**2).sum(axis=1))
+        motion = np.empty((len(index), 4))  # strength of the acceleration, turning
+        motion[:, 0], motion[:, 1:] = np.sqrt((acc_b**2).sum(axis=1)), gyro_b
         return LevelledSignals(
             index=index,
             t_s=t_s,
-            acc_norm_m_s2=acc_norm,
+            acc_norm_m_s2=motion[:, 0],
             acc_n_m_s2=acc_walk,
             mount_up_rad=np.arctan2(forward_n[:, 2], np.hypot(forward_n[:, 0], forward_n[:, 1])),
             tilt_rate_rad_s=np.hypot(gyro_n[:, 0], gyro_n[:, 1]),
@@ -147,7 +154,7 @@ class Leveller:
             mag_dip_rad=np.arctan2(-mag_n[:, 2], mag_horizontal),
             altitude_m=_hold(self._altitude, t_s),
             field_jump_ut=self._field_jumps(t_s, mag_n, yaw_vqf),
-            still=self._stillness(np.concatenate((acc_norm[:, None], gyro_b), axis=1)),
+            still=self._stillness(motion),
         )
 
     def _field_jumps(self, t_s: FloatArray, mag_n: FloatArray, yaw_rad: FloatArray) -> FloatArray:
@@ -156,11 +163,14 @@ class Leveller:
         if len(t_s) == 0:
             return jumps
         # looked for at the magnetometer's samples, not between them
-        sampled = self._mag.t_s[(self._mag.t_s > self._levelled_s) & (self._mag.t_s <= t_s[-1])]
+        lo, hi = self._mag.t_s.searchsorted((self._levelled_s, t_s[-1]), side="right")
+        sampled = self._mag.t_s[lo:hi]
         self._levelled_s = float(t_s[-1])
-        at = np.unique(np.searchsorted(t_s, sampled))
+        at = t_s.searchsorted(sampled)
+        if len(at) > 1:
+            at = at[np.concatenate((_YES, at[1:] != at[:-1]))]
         at = at[np.isfinite(mag_n[at, 0])]
-        cos, sin = np.cos(self._north_rad), np.sin(self._north_rad)
+        cos, sin = math.cos(self._north_rad), math.sin(self._north_rad)
         for known_s, ahead, left in self._jumps.push(t_s[at], mag_n[at], yaw_rad[at]):
             jumps[np.searchsorted(t_s, known_s)] = (cos * ahead + sin * left, cos * left - sin * ahead)
         return jumps
@@ -168,17 +178,18 @@ class Leveller:
     def _unwrap(self, yaw_wrapped: FloatArray) -> FloatArray:
         if len(yaw_wrapped) == 0:
             return yaw_wrapped
-        previous = yaw_wrapped[0] if self._yaw_wrapped is None else self._yaw_wrapped
-        change = wrap_angle(yaw_wrapped - np.concatenate(([previous], yaw_wrapped[:-1])))
-        yaw = np.cumsum(np.concatenate(([self._yaw_gyro], change)))[1:]
+        change = np.empty(len(yaw_wrapped))
+        change[0] = yaw_wrapped[0] - (yaw_wrapped[0] if self._yaw_wrapped is None else self._yaw_wrapped)
+        np.subtract(yaw_wrapped[1:], yaw_wrapped[:-1], out=change[1:])
+        yaw = _summed(self._yaw_gyro, wrap_angle(change))
         self._yaw_wrapped, self._yaw_gyro = float(yaw_wrapped[-1]), float(yaw[-1])
         return yaw
 
     def _bias_angle(self, bias_up_rad_s: FloatArray) -> FloatArray:
         """The yaw that vqf took out as gyroscope bias: the estimators carry the bias as a state of their own."""
-        angle = np.cumsum(np.concatenate(([self._bias_yaw], bias_up_rad_s * self._dt_s)))
-        self._bias_yaw = float(angle[-1])
-        return angle[1:]
+        angle = _summed(self._bias_yaw, bias_up_rad_s * self._dt_s)
+        self._bias_yaw = float(angle[-1]) if len(angle) else self._bias_yaw
+        return angle
 
     def _stillness(self, signals: FloatArray) -> BoolArray:
         _, variance, count = self._still.push(signals)
@@ -227,6 +238,13 @@ class Leveller:
         self._altitude = _since(self._altitude, done_s)
 
 
+def _summed(start: float, values: FloatArray) -> FloatArray:
+    """(N,) running sum that goes on from ``start``."""
+    sums = np.empty(len(values) + 1)
+    sums[0], sums[1:] = start, values
+    return np.asarray(np.add.accumulate(sums)[1:])
+
+
 def _append(stream: Stream, more: Stream) -> Stream:
     if len(more) == 0:
         return stream
@@ -253,7 +271,8 @@ def _interpolate(stream: Stream, t_s: FloatArray, max_gap_s: float) -> FloatArra
     after = np.minimum(np.maximum(after, 1), len(stream) - 1)
     inside &= stream.t_s[after] - stream.t_s[after - 1] <= max_gap_s
     values = interp_columns(t_s, stream.t_s, stream.values)
-    values[~inside] = np.nan
+    if not inside.all():
+        values[~inside] = np.nan
     return values
 
 
@@ -261,7 +280,6 @@ def _hold(stream: Stream, t_s: FloatArray) -> FloatArray:
     """(N,) the latest sample at or before each time; nan before the first, and where it is too old."""
     if len(stream) == 0:
         return np.full(len(t_s), np.nan)
-    at = np.searchsorted(stream.t_s, t_s, side="right") - 1
-    known = at >= 0
-    known[known] = t_s[known] - stream.t_s[at[known]] < _STALE_S
-    return np.where(known, stream.values[np.maximum(at, 0), 0], np.nan)
+    at = stream.t_s.searchsorted(t_s, side="right") - 1
+    held = np.maximum(at, 0)
+    return np.where((at >= 0) & (t_s - stream.t_s[held] < _STALE_S), stream.values[held, 0], np.nan)

@@ -59,6 +59,12 @@ class Gait:
 
 
 NO_GAIT = Gait(1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+_NO = np.array([False])
+
+
+def _is_slow(frames: Frames) -> BoolArray:
+    """(N,) whether the moving average over twice as long shows the tops."""
+    return frames.single & (frames.period_s > _SLOW_S) & (frames.strength > FILLED)
 
 
 class Recent:
@@ -79,17 +85,18 @@ class Recent:
         self.judged = -1
         self._steady = 0.0
         self._frame_slow = np.zeros(1, dtype=np.bool_)
-        self._latest = Latest()
+        self._latest, self._latest_frames = Latest(), Latest()
 
     def extend(
         self, signals: LevelledSignals, smooth: FloatArray, threshold: FloatArray, sigma: FloatArray, frames: Frames
     ) -> None:
         """Take the next signals, and the frames that they filled."""
         if len(frames):
-            self.frames = Frames.concatenate([self.frames, frames])
-            self.steady = np.concatenate((self.steady, self._steadiness(frames)))
-            slow = self.frames.single & (self.frames.period_s > _SLOW_S) & (self.frames.strength > FILLED)
-            self._frame_slow = np.append(slow, False)  # the last for what comes before all frames
+            more = (*frames.arrays, self._steadiness(frames))
+            *columns, self.steady = self._latest_frames.extend(more, len(self.frames))
+            self.frames = Frames(*columns)
+            # the last for what comes before all frames
+            self._frame_slow = np.concatenate((self._frame_slow[:-1], _is_slow(frames), _NO))
         slow = self._frame_slow[np.searchsorted(self.frames.index, signals.index, side="right") - 1]
         level, yaw, tilt_rate = signals.acc_n_m_s2[:, :2], signals.yaw_gyro_rad, signals.tilt_rate_rad_s
         more = (signals.index, smooth, threshold, sigma, yaw, level, tilt_rate, slow)

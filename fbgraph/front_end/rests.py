@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fbgraph.core.geometry import FloatArray, wrap_angle, wrap_scalar
-from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.front_end.levelled_signals import LevelledSignals, gaps
 
 _REST_TRIM_S = 0.75
 _REST_FLOOR_RAD_S = 2e-4  # no rest tells the bias better than this
@@ -88,12 +88,13 @@ class Rests:
             return
         index = signals.index if self._last_index is None else np.concatenate(([self._last_index], signals.index))
         new = len(index) - len(signals)
-        holes = np.flatnonzero(index[1:] - index[:-1] > 1)
-        self._breaks += index[holes].tolist()
-        self._jumps_s += signals.t_s[signals.field_jump_ut.any(axis=1)].tolist()
+        holes = gaps(index)
+        self._breaks += [int(index[hole - 1]) for hole in holes]
+        if signals.field_jump_ut.any():
+            self._jumps_s += signals.t_s[signals.field_jump_ut.any(axis=1)].tolist()
         self._last_index = int(signals.index[-1])
         # where a rest goes on after a gap, nobody knows what went on in it
-        after_holes = set((holes + 1 - new).tolist())
+        after_holes = {hole - new for hole in holes}
         turns = (np.flatnonzero(signals.still[1:] != signals.still[:-1]) + 1).tolist()
         edges = sorted({0, *turns, *(h for h in after_holes if h > 0), len(signals)})
         for lo, hi in itertools.pairwise(edges):

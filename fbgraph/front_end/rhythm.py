@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
-from fbgraph.front_end.levelled_signals import LevelledSignals
-from fbgraph.front_end.running_sums import WindowMoments
+from fbgraph.front_end.levelled_signals import LevelledSignals, gaps
+from fbgraph.front_end.running_sums import WindowMeans, WindowMoments
 
 FRAME_S = 0.16
 """Time between two frames, where the grid's rate is a multiple of 25 Hz."""
@@ -27,6 +29,7 @@ _LEVEL_S, _MOVED_S = 4.0, 2.0
 _FLOOR_M_S2 = 0.05  # of acceleration that counts as noise
 _FIRST_TOP, _FIRST_TOP_FAST, _FAST_S = 0.8, 0.87, 0.4  # the shortest lag this near the best is the period
 _HALF_TOP, _HALF_TOP_SWUNG = 0.6, 0.25  # of a stride's correlation, at half of it: then it holds two steps
+_NEAR = np.arange(-2, 3)  # lags
 _SLOW_S, _SWUNG_RAD_S, _LIMB_RAD_S = 0.8, 0.5, 0.8
 
 
@@ -56,6 +59,11 @@ class Frames:
 
     def __len__(self) -> int:
         return len(self.index)
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """All of them, in the order in which they make frames."""
+        return [getattr(self, name) for name in _FRAMES]
 
     @staticmethod
     def concatenate(pieces: list[Frames]) -> Frames:
@@ -93,11 +101,14 @@ class Rhythm:
         """The frames that these samples fill."""
         if len(signals) == 0:
             return no_frames()
-        columns = (signals.acc_norm_m_s2[:, None], signals.acc_n_m_s2, signals.tilt_rate_rad_s[:, None])
+        known = len(self._index)
         index = np.concatenate((self._index, signals.index))
-        samples = np.concatenate((self._samples, np.concatenate(columns, axis=1)))
-        out, frame = [no_frames()], self._every * _EACH
-        cuts = [0, *(np.flatnonzero(index[1:] - index[:-1] > 1) + 1).tolist(), len(index)]
+        samples = np.empty((len(index), 5))
+        samples[:known] = self._samples
+        samples[known:, 0], samples[known:, 4] = signals.acc_norm_m_s2, signals.tilt_rate_rad_s
+        samples[known:, 1:4] = signals.acc_n_m_s2
+        out, frame = [], self._every * _EACH
+        cuts = [0, *gaps(index), len(index)]
         for lo, hi in itertools.pairwise(cuts):
             if lo:
                 self._windows = _Windows(self._mean_s)
@@ -108,7 +119,7 @@ class Rhythm:
                 end = min(at + _BLOCK * self._every, full)
                 out.append(self._frames(index[at:end], samples[at:end]))
         self._index, self._samples = index[full:], samples[full:]
-        return Frames.concatenate(out) if len(out) > 1 else out[0]
+        return Frames.concatenate(out) if out else no_frames()
 
     def _frames(self, index: IntArray, samples: FloatArray) -> Frames:
         """Of samples that fill them."""
@@ -131,7 +142,13 @@ class _Windows:
         self._window = np.where(long, round(_LONG_WINDOW_S / mean_s), round(_SHORT_WINDOW_S / mean_s))
         self._reach = int(self._window.max())
         self._most = int(self._lags.max())
-        self._level = WindowMoments(4, round(_LEVEL_S / mean_s))
+        # of columns: where a lag was known, back from a mean; of frames: sums and energies to be subtracted
+        self._back = self._most - self._lags[:, None]
+        self._windows = np.concatenate((self._window, self._window))[:, None]
+        self._rows = np.arange(2 * len(self._lags))[:, None]
+        self._floor = (self._window * _FLOOR_M_S2**2)[:, None]
+        self._share = np.where(self._lags[: self._searched] * mean_s < _FAST_S, _FIRST_TOP_FAST, _FIRST_TOP)
+        self._level = WindowMeans(4, (round(_LEVEL_S / mean_s),))
         self._moved = WindowMoments(7, round(_MOVED_S / mean_s))
         self._acc = np.zeros((self._most, 4))
         self._sums = np.zeros((2 * len(self._lags), 1))
@@ -139,9 +156,12 @@ class _Windows:
 
     def push(self, index: IntArray, acc: FloatArray, tilt_rate: FloatArray) -> Frames:
         """(4 N, 4) mean |acc|, forward, left, up and (4 N,) tilt rate of the next N frames."""
-        acc = acc - self._level.push(acc)[0]
-        products = np.column_stack((acc[:, 1:2] * acc[:, 2:4], acc[:, 2] * acc[:, 3]))
-        mean, variance, _ = self._moved.push(np.column_stack((acc[:, 1:], products, tilt_rate)))
+        acc = acc - self._level.push(acc)
+        moving = np.empty((len(acc), 7))
+        moving[:, :3], moving[:, 6] = acc[:, 1:], tilt_rate
+        np.multiply(acc[:, 1:2], acc[:, 2:4], out=moving[:, 3:5])
+        np.multiply(acc[:, 2], acc[:, 3], out=moving[:, 5])
+        mean, variance, _ = self._moved.push(moving)
         mean, variance = mean[_EACH - 1 :: _EACH], variance[_EACH - 1 :: _EACH]
         breadth, moved = _breadth(mean, variance)
         known = np.concatenate((self._acc, acc))
@@ -150,7 +170,7 @@ class _Windows:
         period, strength, single = self._period(norm[:, : self._searched], mean[:, 6])
         rows = np.arange(len(index))
         at = np.rint(2.0 * period / self._mean_s).astype(int) - self._lags[0]
-        near = np.clip(at[:, None] + np.arange(-2, 3), 0, len(self._lags) - 1)
+        near = np.minimum(np.maximum(at[:, None] + _NEAR, 0), len(self._lags) - 1)
         stride = whole[rows[:, None], near].max(axis=1)
         return Frames(index, period, strength, stride, single, breadth, moved, mean[:, 6])
 
@@ -158,24 +178,23 @@ class _Windows:
         """(2, lags, N) of |acc| and of the vector at every lag, over the window of each, at every frame."""
         most, lags, window = self._most, self._lags[:, None], self._window[:, None]
         columns = np.ascontiguousarray(known.T)
-        at = np.arange(count) + most
-        products = columns[:, None, most:] * columns[:, at - lags]
-        both = np.concatenate((products[0], products[1] + products[2] + products[3]))
+        products = columns[:, None, most:] * columns[:, self._back + np.arange(count)]
+        sums = _continued(self._sums, products)
         square = columns[:, most:] ** 2
-        energy = np.stack((square[0], square[1] + square[2] + square[3]))
-        sums = np.concatenate((self._sums, _continued(self._sums, both)), axis=1)
-        energies = np.concatenate((self._energy, _continued(self._energy, energy)), axis=1)
+        energies = _continued(self._energy, square[:, None])
         told = np.arange(_EACH - 1, count, _EACH)
         end, end_e = sums.shape[1] - count + told, energies.shape[1] - count + told
-        rows = np.arange(len(both))[:, None]
-        since = np.maximum(end - np.tile(window, (2, 1)), 0)
-        part = (sums[:, end] - sums[rows, since]).reshape(2, len(lags), len(told))
-        now, then = energies[:, None, end_e], energies[:, np.maximum(end_e - window, 0)]
-        lag, lag_then = energies[:, np.maximum(end_e - lags, 0)], energies[:, np.maximum(end_e - lags - window, 0)]
+        part = sums[:, end] - sums[self._rows, np.maximum(end - self._windows, 0)]
+        ends = np.empty((4, len(lags), len(told)), dtype=np.int64)
+        ends[0] = end_e
+        np.subtract(end_e, window, out=ends[1])
+        np.subtract(end_e, lags, out=ends[2])
+        np.subtract(ends[2], window, out=ends[3])
+        now, then, lag, lag_then = energies[:, np.maximum(ends, 0)].transpose(1, 0, 2, 3)
         self._sums = sums[:, -self._reach - 1 :]
         self._energy = energies[:, -self._reach - most - 1 :]
-        floor = (self._window * _FLOOR_M_S2**2)[:, None]
-        return np.asarray(part / (np.sqrt(np.maximum((now - then) * (lag - lag_then), 0.0)) + floor))
+        power = np.maximum((now - then) * (lag - lag_then), 0.0)
+        return np.asarray(part.reshape(power.shape) / (np.sqrt(power) + self._floor))
 
     def _period(self, r: FloatArray, swing: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Time from step to step, its correlation, and whether it holds a single top."""
@@ -184,8 +203,7 @@ class _Windows:
         top[:, 1:-1] = (r[:, 1:-1] >= r[:, :-2]) & (r[:, 1:-1] > r[:, 2:])
         height = np.where(top, r, -1.0)
         best = height.max(axis=1)
-        share = np.where(lags * self._mean_s < _FAST_S, _FIRST_TOP_FAST, _FIRST_TOP)
-        at = (height >= share * best[:, None]).argmax(axis=1)
+        at = (height >= self._share * best[:, None]).argmax(axis=1)
         at = np.where(best > 0, at, height.argmax(axis=1))
         strength = height[rows, at]
         period = lags[at].astype(float)
@@ -194,7 +212,7 @@ class _Windows:
         curved = (bend < -1e-9) & (strength > 0)
         period += np.where(curved, 0.5 * (left - right) / np.where(curved, bend, -1.0), 0.0)
         half = np.rint(period / 2.0).astype(int) - lags[0]
-        near = np.clip(half[:, None] + np.arange(-2, 3), 0, len(lags) - 1)
+        near = np.minimum(np.maximum(half[:, None] + _NEAR, 0), len(lags) - 1)
         within = height[rows[:, None], near].max(axis=1) / np.maximum(strength, 0.05)
         slow = period * self._mean_s > _SLOW_S
         two = within > np.where(swing > _SWUNG_RAD_S, _HALF_TOP_SWUNG, _HALF_TOP)
@@ -203,8 +221,21 @@ class _Windows:
 
 
 def _continued(sums: FloatArray, values: FloatArray) -> FloatArray:
-    """(R, N) running sums that go on where those before ended, term by term, so that chunks make no difference."""
-    return np.asarray(np.cumsum(np.concatenate((sums[:, -1:], values), axis=1), axis=1)[:, 1:])
+    """(2 R, K+N) running sums of |acc| and of the vector, and how they go on; term by term, as chunks must not matter.
+
+    Args:
+        sums: (2 R, K) so far.
+        values: (4, R, N) to be added up, of |acc| and of the three axes.
+    """
+    rows, known = values.shape[1], sums.shape[1]
+    out = np.empty((2 * rows, known + values.shape[2]))
+    out[:, :known] = sums
+    out[:rows, known:] = values[0]
+    vector = out[rows:, known:]
+    np.add(values[1], values[2], out=vector)
+    vector += values[3]
+    np.add.accumulate(out[:, known - 1 :], axis=1, out=out[:, known - 1 :])
+    return out
 
 
 def _breadth(mean: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -56,8 +56,10 @@ class IntervalMean:
             carry = self._integral[-1:]
             lead_gap = np.empty(0, dtype=np.bool_)
         dt_s = t_s[1:] - t_s[:-1]
-        area = 0.5 * (values[1:] + values[:-1]) * dt_s[:, None]
-        integral = np.cumsum(np.concatenate((carry, area)), axis=0)
+        integral = np.empty(values.shape)
+        integral[:1] = carry
+        np.multiply(0.5 * (values[1:] + values[:-1]), dt_s[:, None], out=integral[1:])
+        np.add.accumulate(integral, axis=0, out=integral)
         if not self.empty:
             t_s, integral = t_s[1:], integral[1:]
         self._t_s = np.concatenate((self._t_s, t_s))
@@ -67,6 +69,8 @@ class IntervalMean:
 
     def silences(self, least_s: float) -> list[tuple[float, float]]:
         """Last and next time of every silence among the samples kept that is longer than this."""
+        if self._t_s[-1] - self._t_s[0] <= least_s:
+            return []
         at = np.flatnonzero(self._t_s[1:] - self._t_s[:-1] > least_s)
         return list(zip(self._t_s[at].tolist(), self._t_s[at + 1].tolist(), strict=True))
 
@@ -76,15 +80,52 @@ class IntervalMean:
             return np.empty((0, self._integral.shape[1])), np.empty(0, dtype=np.bool_)
         ends = np.asarray(np.concatenate((index[:1] - 1, index)) * dt_s, dtype=np.float64)
         at_ends = interp_columns(ends, self._t_s, self._integral)
-        bracket = np.minimum(np.searchsorted(self._t_s, ends), len(self._t_s) - 1)
+        means = (at_ends[1:] - at_ends[:-1]) / dt_s
+        if not self._gap_before.any():
+            return means, np.ones(len(index), dtype=np.bool_)
+        bracket = np.minimum(self._t_s.searchsorted(ends), len(self._t_s) - 1)
         in_gap = self._gap_before[bracket]
-        return (at_ends[1:] - at_ends[:-1]) / dt_s, ~(in_gap[1:] | in_gap[:-1])
+        return means, ~(in_gap[1:] | in_gap[:-1])
 
     def forget(self, before_s: float) -> None:
         """Drop samples that no grid point from this time on needs."""
-        start = max(int(np.searchsorted(self._t_s, before_s, side="right")) - 1, 0)
+        start = max(int(self._t_s.searchsorted(before_s, side="right")) - 1, 0)
         self._t_s, self._integral = self._t_s[start:], self._integral[start:]
         self._gap_before = self._gap_before[start:]
+
+
+class WindowMeans:
+    """Means over sliding windows of several lengths, by differences of running sums."""
+
+    def __init__(self, width: int, windows: Sequence[int]) -> None:
+        self._windows = tuple(windows)
+        self._longest = max(windows)
+        self._sums = np.zeros((1, width))
+        self._origin: FloatArray | None = None
+
+    def push(self, values: FloatArray) -> FloatArray:
+        """(N, D) samples in; (N, W D) means out, of the first window, then of the next."""
+        if self._origin is None:
+            self._origin = values[0].copy()  # sums of deviations keep their digits for days
+        known, width, count = len(self._sums), values.shape[1], len(values)
+        history = np.empty((known + count, width))
+        history[:known] = self._sums
+        np.subtract(values, self._origin, out=history[known:])
+        np.add.accumulate(history[known - 1 :], axis=0, out=history[known - 1 :])
+        sums, means = history[known:], np.empty((count, width * len(self._windows)))
+        for i, window in enumerate(self._windows):
+            mean = means[:, i * width : (i + 1) * width]
+            if known >= window:  # every window is full
+                np.subtract(sums, history[known - window : known - window + count], out=mean)
+                mean /= window
+            else:
+                now = np.arange(known, known + count)
+                then = np.maximum(now - window, 0)
+                np.subtract(sums, history[then], out=mean)
+                mean /= (now - then)[:, None]
+            mean += self._origin
+        self._sums = history[-self._longest :]
+        return means
 
 
 class WindowMoments:
@@ -107,8 +148,8 @@ class WindowMoments:
         history[:known] = self._sums
         np.subtract(values, self._origin, out=history[known:, :width])
         np.square(history[known:, :width], out=history[known:, width:])
-        sums = np.cumsum(history[known - 1 :], axis=0)[1:]
-        history[known:] = sums
+        np.add.accumulate(history[known - 1 :], axis=0, out=history[known - 1 :])
+        sums = history[known:]
         if known == self._window:  # every window is full
             count = np.full(len(values), known, dtype=np.int64)
             moments = (sums - history[: len(values)]) / known
@@ -118,7 +159,9 @@ class WindowMoments:
             count = now - then
             moments = (sums - history[then]) / count[:, None]
         mean = moments[:, :width]
-        variance = np.maximum(moments[:, width:] - mean**2, 0.0)
+        variance = moments[:, width:]
+        variance -= np.square(mean)
+        np.maximum(variance, 0.0, out=variance)
         self._sums = history[-self._window :]
         return mean + self._origin, variance, count
 

@@ -11,7 +11,7 @@ from fbgraph.core.config import StepsConfig
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.recent_signals import CARRIED_RAD_S, FILL_S, FILLED, SURE, Gait, Recent
 from fbgraph.front_end.rhythm import Rhythm
-from fbgraph.front_end.running_sums import WindowMoments
+from fbgraph.front_end.running_sums import WindowMeans, WindowMoments
 from fbgraph.front_end.step_track import FIRST_LOOK_BACK_S, LOOK_BACK_S, Peak
 
 _WOBBLE_WINDOW_S, _WOBBLE_STEP_S = 2.0, 0.1
@@ -63,7 +63,7 @@ class StepDetector:
         self._config = config
         self._rate_hz = rate_hz
         smoothing = max(round(config.smoothing_s * rate_hz), 1)
-        self._smooth = WindowMoments(1, smoothing), WindowMoments(1, 2 * smoothing)
+        self._smooth = WindowMeans(1, (smoothing, 2 * smoothing))
         self._delay = (smoothing - 1) // 2, (2 * smoothing - 1) // 2  # of a moving average over the past
         window = max(round(config.window_s * rate_hz), 1)
         self._window = WindowMoments(2, window)
@@ -79,8 +79,7 @@ class StepDetector:
         """Take the next signals; return the runs, or continuations of runs, that they confirm."""
         if len(signals) == 0:
             return []
-        acc = signals.acc_norm_m_s2[:, None]
-        smooth = np.column_stack([average.push(acc)[0] for average in self._smooth])
+        smooth = self._smooth.push(signals.acc_norm_m_s2[:, None])
         mean, variance, _ = self._window.push(smooth)
         sigma = np.sqrt(variance)
         threshold = mean + self._config.lambda_sigma * sigma

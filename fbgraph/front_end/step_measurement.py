@@ -8,16 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
-from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.front_end.climb import ClimbGauge
 from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rests import Rests
 from fbgraph.front_end.running_sums import Latest
-from fbgraph.front_end.step_length import flat_length_m
+from fbgraph.front_end.step_length import FITTED_HZ, FITTED_SURGE_M_S, FULL_SURGE_M_S, flat_length_m, surge_of
 from fbgraph.front_end.step_track import FIRST_LOOK_BACK_S, LOOK_BACK_S, Peak, Step
 
-_USUAL_HZ = (1.1, 2.4)  # cadences at which step lengths were measured; nobody knows the runner's and the groper's
 _UNUSUAL_DOUBT = 0.25
 _LIMB_BOUNCE_M_S2 = 12.0  # a limb swings more than its wearer bounces
 _SHARED_DOUBT_M = 20.0  # steps of a stretch share their doubt until it is this large
@@ -54,8 +53,6 @@ class StepGauge:
             stride = interval if peak.first or self._last_interval is None else (interval + self._last_interval) / 2
             first_of_walk = self._last_end is None
             step = self._measure_one(peak, frequency_hz=self._rate_hz / stride)
-            assert self._signals is not None
-            step = self._gait.told(step, self._signals, peak)
             if first_of_walk:
                 steps.append(_standing_start(step, self._altitude_before(peak)))
                 # a rest before the walk tells the bias, but no turn between two steps
@@ -69,7 +66,7 @@ class StepGauge:
     def _measure_one(self, peak: Peak, frequency_hz: float) -> Step:
         signals = self._signals
         assert signals is not None  # push comes before measure
-        lo, hi = np.searchsorted(signals.index, (peak.start_index + 1, peak.index + 1))
+        lo, hi = signals.index.searchsorted((peak.start_index + 1, peak.index + 1)).tolist()
         lo = min(lo, hi - 1)
         yaw_gyro = signals.yaw_gyro_rad[lo:hi]
         yaw_gyro_rad = float(yaw_gyro.mean())
@@ -77,22 +74,24 @@ class StepGauge:
         offset = offset[np.isfinite(offset)]
         yaw_mag_rad = float("nan")
         if len(offset):
-            mean_offset = np.arctan2(np.sin(offset).mean(), np.cos(offset).mean())
-            yaw_mag_rad = float(wrap_angle(np.asarray(yaw_gyro_rad + mean_offset)))
+            mean_offset = math.atan2(np.sin(offset).mean(), np.cos(offset).mean())
+            yaw_mag_rad = wrap_scalar(yaw_gyro_rad + mean_offset)
         bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
         bounce = min(bounce, _LIMB_BOUNCE_M_S2) if peak.swung else bounce
+        surge = FULL_SURGE_M_S
+        if hi - lo == peak.index - peak.start_index and peak.count == 1.0:
+            surge = surge_of(signals.acc_n_m_s2[lo:hi, :2], self._rate_hz)
         rest = self._rests.take(peak.index)
         # a hole in the index between this step and the one before is a gap in the log
-        since = np.searchsorted(signals.index, self._last_end) if self._last_end is not None else lo
+        since = int(signals.index.searchsorted(self._last_end)) if self._last_end is not None else lo
         chained = bool(signals.index[hi - 1] - signals.index[since] == hi - 1 - since)
         if self._last_end is not None and signals.index[0] > self._last_end:
             chained = self._rests.unbroken_between(self._last_end, peak.index)
         altitude_m = _mean_finite(signals.altitude_m[lo:hi])
-        air = self._climb.judge(peak, altitude_m, frequency_hz, bounce, chained)
-        # a length that shrinks with cadence does so within the cadences it was measured at
-        model_hz = min(frequency_hz, _USUAL_HZ[1]) if self._length.beta_m_s < 0 else frequency_hz
-        each_m = flat_length_m(self._length, model_hz, bounce) + self._length.gamma_m * air.slope
+        air = self._climb.judge(peak, altitude_m, frequency_hz, surge, chained)
+        each_m = flat_length_m(self._length, frequency_hz, surge) + self._length.gamma_m * air.slope
         length = max(each_m, self._length.shortest_m) * peak.count * peak.share
+        jumped = signals.field_jump_ut[since + 1 : hi].sum(axis=0)
         return Step(
             t_s=peak.index / self._rate_hz,
             start_s=peak.start_index / self._rate_hz,
@@ -101,7 +100,8 @@ class StepGauge:
             slope=air.slope,
             shortened_m=abs(self._length.gamma_m * air.slope) * peak.count,
             bounce_m_s2=bounce,
-            doubt_m=self._doubt_m(peak, length, frequency_hz),
+            surge_m_s=surge,
+            doubt_m=self._doubt_m(peak, length, frequency_hz, surge),
             yaw_s=float(signals.t_s[lo:hi].mean()),
             yaw_gyro_rad=yaw_gyro_rad,
             yaw_mag_rad=yaw_mag_rad,
@@ -118,13 +118,15 @@ class StepGauge:
             rest_s=rest.duration_s,
             rest_drift_rad=rest.drift_rad,
             rest_drift_sigma_rad=rest.drift_sigma_rad,
-            jump_x_ut=float(signals.field_jump_ut[since + 1 : hi, 0].sum()),
-            jump_y_ut=float(signals.field_jump_ut[since + 1 : hi, 1].sum()),
+            jump_x_ut=float(jumped[0]),
+            jump_y_ut=float(jumped[1]),
+            **self._gait.push(signals, peak)._asdict(),
         )
 
-    def _doubt_m(self, peak: Peak, length_m: float, frequency_hz: float) -> float:
+    def _doubt_m(self, peak: Peak, length_m: float, frequency_hz: float, surge_m_s: float) -> float:
         """What a step adds to the doubt of its stretch, whose steps are wrong together: √(Σ² now - Σ² before)."""
-        usual = _USUAL_HZ[0] <= frequency_hz <= _USUAL_HZ[1]
+        usual = FITTED_HZ[0] <= frequency_hz <= FITTED_HZ[1]
+        usual = usual and (surge_m_s <= FITTED_SURGE_M_S or self._length.kappa_surge == 0.0)
         doubt = peak.doubt if usual else math.hypot(peak.doubt, _UNUSUAL_DOUBT)
         before = 0.0 if doubt == 0 or self._doubted_m > _SHARED_DOUBT_M else self._doubted_m
         self._doubted_m = before + doubt * length_m if doubt > 0 else 0.0
@@ -166,5 +168,8 @@ def _standing_start(first: Step, altitude_m: float) -> Step:
 
 
 def _mean_finite(values: FloatArray) -> float:
+    mean = float(values.mean()) if len(values) else math.nan
+    if math.isfinite(mean):
+        return mean
     finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else float("nan")
+    return float(finite.mean()) if len(finite) else math.nan

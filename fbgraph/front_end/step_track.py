@@ -52,7 +52,7 @@ class Step:
     start_s: float
     """Begin of the step."""
     length_m: float
-    """Adaptive length α + β f + γ s (paper, Parameter Selection) + κ bounce^(1/4)."""
+    """Adaptive length α + β f + γ s (paper, Parameter Selection) + β₂ f² + κ √surge (``step_length``)."""
     frequency_hz: float
     """Step frequency f, over this step and the one before."""
     slope: float
@@ -61,6 +61,8 @@ class Step:
     """By how much the slope term γ s changed the length."""
     bounce_m_s2: float
     """Peak-to-peak vertical acceleration."""
+    surge_m_s: float
+    """How much the horizontal speed goes to and fro (``step_length``)."""
     doubt_m: float
     """Standard deviation of the length beyond the model's, and of the way it went: walking whose steps were not
     resolved. 0 of an ordinary step."""

@@ -185,7 +185,7 @@ def gravitys_size(walk: Sensed) -> list[Doubt]:
         return []
     text = f"the accelerometer shows a gravity of {gravity:.2f} m/s² where there is 9.81"
     advice = "its scale or range is wrong: check the unit, or calibrate it"
-    # a step's length goes with the fourth root of its bounce; what it takes to count one goes with the bounce itself
+    # a step's length goes with the root of its surge, a third of it all; what it takes to count one with the bounce
     sigma_m = stretched_m(walk.track, 0.25 * abs(np.log(max(gravity, 1.0) / STANDARD_GRAVITY_M_S2)))
     return [Doubt(Reason("accelerometer", abs(off) / _GRAVITY_REL, text, advice), sigma_m)]
 

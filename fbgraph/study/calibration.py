@@ -50,9 +50,9 @@ class StepModel:
     residual_m: float
 
     def apply(self, config: Config) -> Config:
-        """The configuration with these parameters, and without the bounce term that the paper's model has not."""
+        """The configuration with these parameters, and without the terms that the paper's model has not."""
         names = ("constant_m", "alpha_m", "beta_m_s", "gamma_m")
-        length = {name: getattr(self, name) for name in names} | {"kappa": 0.0}
+        length = {name: getattr(self, name) for name in names} | {"beta2_m_s2": 0.0, "kappa_surge": 0.0}
         return config.model_copy(
             update={
                 "steps": config.steps.model_copy(update={"lambda_sigma": self.lambda_sigma}),

@@ -63,7 +63,7 @@ def level_length_m(step: Step, length: StepLengthConfig) -> float:
     """How long the step would have been on the level; 0 for the standing start."""
     if step.length_m == 0.0:
         return 0.0
-    return max(flat_length_m(length, step.frequency_hz, step.bounce_m_s2), length.shortest_m)
+    return max(flat_length_m(length, step.frequency_hz, step.surge_m_s), length.shortest_m)
 
 
 def gap_before_s(steps: Sequence[Step], k: int) -> float:

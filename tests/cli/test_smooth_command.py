@@ -103,7 +103,7 @@ def test_the_same_seed_simulates_the_same_walk(tmp_path: Path) -> None:
 
 def test_config_prints_what_was_set_and_refuses_what_it_does_not_know() -> None:
     assert "lambda_sigma = 0.9" in fbgraph("config", "--set", "steps.lambda_sigma=0.9").stdout
-    assert json.loads(fbgraph("config", "--config", "m5stickc", "--json").stdout)["step_length"]["kappa"] == 0.0
+    assert json.loads(fbgraph("config", "--config", "m5stickc", "--json").stdout)["step_length"]["kappa_surge"] == 0.0
     assert "steps.lamda" in fbgraph("config", "--set", "steps.lamda=1", code=2).stderr
     assert "nosuch" in fbgraph("config", "--config", "nosuch", code=2).stderr
 

@@ -23,7 +23,7 @@ EXTREMES = (
     "attitude.max_gap_s=1e-300",
     "steps.spin_window_s=10 steps.max_interval_s=10",
     "steps.min_interval_s=1e-9 steps.min_rise_m_s2=1e-9 steps.min_run=2 steps.lambda_sigma=0 steps.smoothing_s=1e-9",
-    "step_length.alpha_m=100 step_length.beta_m_s=100 step_length.gamma_m=-100 step_length.kappa=100",
+    "step_length.alpha_m=100 step_length.beta_m_s=100 step_length.gamma_m=-100 step_length.kappa_surge=100",
     "graph.sigma_length_rel=1e4 graph.sigma_lateral_m=1e-6 graph.sigma_yaw_step_rad=1e4 graph.sigma_mag_rad=1e-6",
     "solver.max_iterations=1",
     "solver.max_iterations=100000 solver.relative_error=1e-300",

@@ -13,7 +13,7 @@ from fbgraph.core.geometry import FloatArray
 from fbgraph.front_end.climb import Air, ClimbGauge
 from fbgraph.front_end.step_track import Peak
 
-CONFIG = StepLengthConfig(alpha_m=0.4, beta_m_s=0.2, gamma_m=-1.5, kappa=0.0, min_climb_m_s=0.2)
+CONFIG = StepLengthConfig(alpha_m=0.4, beta_m_s=0.2, gamma_m=-1.5, beta2_m_s2=0.0, kappa_surge=0.0, min_climb_m_s=0.2)
 """At 2 Hz 0.8 m, 1.6 m/s."""
 Height = Callable[[FloatArray], FloatArray]
 

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.by_hand import hand_step
 from support.made_signals import G, levelled
 
-from fbgraph.front_end.gait_direction import GaitDirection
+from fbgraph.front_end.gait_direction import GaitDirection, Push
 from fbgraph.front_end.levelled_signals import LevelledSignals
-from fbgraph.front_end.step_track import Peak, Step
+from fbgraph.front_end.step_track import Peak
 
 LAG = math.radians(75.0)
 PEAKS = [Peak(100, 50, False), Peak(150, 100, False), Peak(200, 150, False), Peak(240, 200, False)]
@@ -26,10 +25,10 @@ def walking(count: int = 300, push: float = 0.8, lag: float = LAG, yaw: float = 
     return replace(levelled(count, **given), acc_n_m_s2=acc)
 
 
-def told(signals: LevelledSignals, peaks: list[Peak] = PEAKS[:3]) -> list[Step]:
+def told(signals: LevelledSignals, peaks: list[Peak] = PEAKS[:3]) -> list[Push]:
     """Of these steps, after three with which one set off."""
     gait = GaitDirection()
-    return [gait.told(hand_step(), signals, peak) for peak in (*SETTING_OFF, *peaks)][3:]
+    return [gait.push(signals, peak) for peak in (*SETTING_OFF, *peaks)][3:]
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5, math.pi / 2, 3.0, -2.0])
@@ -75,7 +74,7 @@ def test_who_sets_off_pushes_the_whole_body() -> None:
     ends = np.arange(50, 500, 50)
     peaks = [Peak(int(end), int(end) - 50, end in (50, 350)) for end in ends]
     gait, signals = GaitDirection(), walking(500)
-    pushed = [math.isfinite(gait.told(hand_step(), signals, peak).push_m_s2) for peak in peaks]
+    pushed = [math.isfinite(gait.push(signals, peak).push_m_s2) for peak in peaks]
     assert pushed == [False, False, False, False, True, True, False, False, False]
 
 

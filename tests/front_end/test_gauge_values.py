@@ -12,7 +12,7 @@ from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_measurement import StepGauge
 from fbgraph.front_end.step_track import Peak, Step
 
-CONFIG = StepLengthConfig(alpha_m=0.4, beta_m_s=0.2, gamma_m=-1.5, kappa=0.1, min_climb_m_s=0.2, shortest_m=0.15)
+CONFIG = StepLengthConfig(alpha_m=0.4, beta_m_s=0.2, gamma_m=-1.5, beta2_m_s2=0.0, kappa_surge=0.1, min_climb_m_s=0.2)
 ONE = Peak(1050, 1000, first=True)
 """Half a second, two hertz."""
 
@@ -39,13 +39,53 @@ def bounce(
     return up
 
 
-def test_length_is_alpha_beta_f_and_kappa_of_the_bounce() -> None:
-    step = step_of(up_m_s2=bounce(2.0, 18.0))
+def surging(speed_m_s: float, hz: float = 2.0, start: int = 1000) -> dict[str, Any]:
+    """Horizontal acceleration of a speed that goes to and fro by this much, peak to peak; wilder outside the step."""
+    t_s = (np.arange(1200) - start) / 100.0
+    push = np.pi * hz * speed_m_s * np.cos(2.0 * np.pi * hz * t_s)
+    inside = (t_s > 0.0) & (t_s <= 0.5)
+    return {"forward_m_s2": np.where(inside, 0.8 * push + 3.0, 50.0), "left_m_s2": np.where(inside, 0.6 * push, -50.0)}
+
+
+def test_length_is_alpha_beta_f_and_kappa_of_the_surge() -> None:
+    step = step_of(up_m_s2=bounce(2.0, 18.0), **surging(0.16))
     assert step.frequency_hz == 2.0
     assert step.bounce_m_s2 == 16.0
-    assert step.length_m == pytest.approx(0.4 + 0.2 * 2.0 + 0.1 * 2.0)
+    assert step.surge_m_s == pytest.approx(0.16, rel=2e-3)
+    assert step.length_m == pytest.approx(0.4 + 0.2 * 2.0 + 0.1 * 0.4, abs=1e-4)
     assert (step.slope, step.shortened_m) == (0.0, 0.0)
     assert (step.t_s, step.start_s) == (10.5, 10.0)
+
+
+def test_a_limb_swings_more_than_its_wearer_surges() -> None:
+    step = step_of(**surging(0.8))
+    assert step.surge_m_s == pytest.approx(0.8, rel=2e-3)
+    assert step.length_m == pytest.approx(0.4 + 0.2 * 2.0 + 0.1 * math.sqrt(0.2))
+
+
+def test_who_does_not_surge_shuffles() -> None:
+    step = step_of()
+    assert step.surge_m_s == 0.0
+    assert step.length_m == pytest.approx(0.8)
+
+
+def test_a_surge_that_was_not_seen_whole_is_the_usual_one() -> None:
+    """A log that begins within the first step, a gap within a step, steps that were not told apart."""
+    gap = levelled(1200, index=np.arange(1200) + 10 * (np.arange(1200) > 1020))
+    for signals, peak in (
+        (levelled(1200), Peak(30, -20, True)),
+        (gap, Peak(1060, 1000, True)),
+        (levelled(1300), Peak(1200, 1000, True, count=4.0)),
+    ):
+        assert gauged(signals, peak)[1].surge_m_s == 0.2
+
+
+def test_nobody_knows_the_length_of_steps_that_surge_beyond_any_that_was_measured() -> None:
+    within, beyond = step_of(**surging(0.98)), step_of(**surging(1.02))
+    assert within.doubt_m == 0.0
+    assert beyond.doubt_m == pytest.approx(0.25 * beyond.length_m)
+    paper = CONFIG.model_copy(update={"kappa_surge": 0.0})
+    assert gauged(levelled(1200, **surging(1.02)), ONE, config=paper)[1].doubt_m == 0.0
 
 
 def test_frequency_is_over_this_step_and_the_one_before_within_a_run() -> None:
@@ -61,7 +101,7 @@ def climbing(rate_m_s: float, since: int = 0) -> np.ndarray[Any, np.dtype[np.flo
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_stairs_up_or_down_shorten_the_step_by_their_slope(sign: float) -> None:
-    config = CONFIG.model_copy(update={"kappa": 0.0, "gamma_m": -0.8})
+    config = CONFIG.model_copy(update={"kappa_surge": 0.0, "gamma_m": -0.8})
     (_, step) = gauged(levelled(1200, altitude_m=climbing(sign * 0.4)), ONE, config=config)
     # on the level 0.8 m at 2 Hz: 0.4 m/s over 1.6 m/s
     assert step.slope == pytest.approx(0.25)
@@ -70,7 +110,7 @@ def test_stairs_up_or_down_shorten_the_step_by_their_slope(sign: float) -> None:
 
 
 def test_a_slope_that_lengthens_is_counted_as_much() -> None:
-    config = CONFIG.model_copy(update={"kappa": 0.0, "gamma_m": 0.8})
+    config = CONFIG.model_copy(update={"kappa_surge": 0.0, "gamma_m": 0.8})
     (_, step) = gauged(levelled(1200, altitude_m=climbing(0.4)), ONE, config=config)
     assert (step.length_m, step.shortened_m) == pytest.approx((1.0, 0.2))
 
@@ -248,7 +288,7 @@ def test_the_first_step_of_a_log_that_begins_in_the_middle_of_a_walk_is_doubted(
 
 def test_a_stretch_of_doubtful_steps_is_wrong_all_together() -> None:
     """Every second half a metre, a third in doubt: after n of them the doubt is a third of all, not √n of one."""
-    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa": 0.0})  # 0.1 + 0.2 * 2 Hz
+    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa_surge": 0.0})  # 0.1 + 0.2 * 2 Hz
     peaks = [Peak(1000 + 50 * i, 950 + 50 * i, i == 0, doubt=0.3) for i in range(5)]
     steps = gauged(levelled(1300), *peaks, config=config)[1:]
     for n in range(1, 6):
@@ -256,7 +296,7 @@ def test_a_stretch_of_doubtful_steps_is_wrong_all_together() -> None:
 
 
 def test_a_stretch_of_doubt_ends_with_a_step_beyond_doubt() -> None:
-    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa": 0.0})
+    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa_surge": 0.0})
     doubts = (0.3, 0.3, 0.0, 0.3)
     peaks = [Peak(1000 + 50 * i, 950 + 50 * i, i == 0, doubt=doubt) for i, doubt in enumerate(doubts)]
     steps = gauged(levelled(1300), *peaks, config=config)[1:]
@@ -264,7 +304,7 @@ def test_a_stretch_of_doubt_ends_with_a_step_beyond_doubt() -> None:
 
 
 def test_a_stretch_shares_its_doubt_up_to_twenty_metres() -> None:
-    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa": 0.0})
+    config = CONFIG.model_copy(update={"alpha_m": 0.1, "kappa_surge": 0.0})
     gauge = StepGauge(config, 100.0, 3.0)
     gauge.push(levelled(1300))
     peaks = [Peak(1000 + 50 * (i % 5), 950 + 50 * (i % 5), False, doubt=20.0) for i in range(5)]
@@ -274,22 +314,31 @@ def test_a_stretch_shares_its_doubt_up_to_twenty_metres() -> None:
 
 @pytest.mark.parametrize(("interval", "doubtful"), [(38, True), (45, False), (80, False), (100, True)])
 def test_nobody_knows_the_length_of_steps_at_unusual_cadences(interval: int, doubtful: bool) -> None:
-    config = CONFIG.model_copy(update={"kappa": 0.0})
+    config = CONFIG.model_copy(update={"kappa_surge": 0.0})
     step = gauged(levelled(1200), Peak(1000 + interval, 1000, True), config=config)[1]
     assert step.doubt_m == pytest.approx(0.25 * step.length_m if doubtful else 0.0)
 
 
+def test_a_length_that_bends_with_cadence_does_so_within_the_cadences_it_was_measured_at() -> None:
+    bent = CONFIG.model_copy(update={"alpha_m": -1.0, "beta_m_s": 1.4, "beta2_m_s2": -0.3, "kappa_surge": 0.0})
+    lengths = [
+        gauged(levelled(1200), Peak(1000 + n, 1000, True), config=bent)[1].length_m for n in (30, 50, 80, 100, 110)
+    ]
+    slow_m, fast_m = -1.0 + 1.4 * 1.1 - 0.3 * 1.21, -1.0 + 1.4 * 2.4 - 0.3 * 5.76
+    assert lengths == pytest.approx([fast_m, 0.6, -1.0 + 1.75 - 0.3 * 1.5625, slow_m, slow_m])
+
+
 def test_a_length_that_shrinks_with_cadence_does_not_vanish_in_a_run() -> None:
-    shrinking = CONFIG.model_copy(update={"alpha_m": 1.2, "beta_m_s": -0.3, "kappa": 0.0})
+    shrinking = CONFIG.model_copy(update={"alpha_m": 1.2, "beta_m_s": -0.3, "kappa_surge": 0.0})
     assert gauged(levelled(1200), Peak(1032, 1000, True), config=shrinking)[1].length_m == pytest.approx(
         1.2 - 0.3 * 2.4
     )
-    growing = CONFIG.model_copy(update={"kappa": 0.0})
+    growing = CONFIG.model_copy(update={"kappa_surge": 0.0})
     assert gauged(levelled(1200), Peak(1032, 1000, True), config=growing)[1].length_m == pytest.approx(0.4 + 0.2 / 0.32)
 
 
 def test_one_peak_may_stand_for_several_steps_or_for_part_of_one() -> None:
-    config = CONFIG.model_copy(update={"kappa": 0.0})
+    config = CONFIG.model_copy(update={"kappa_surge": 0.0})
     long, short = (
         gauged(levelled(1300), peak, config=config)[1]
         for peak in (Peak(1200, 1000, True, count=4.0), Peak(1050, 1000, True, share=0.8))
@@ -304,4 +353,3 @@ def test_a_limb_swings_more_than_its_wearer_bounces() -> None:
     signals = levelled(1200, up_m_s2=bounce(2.0, 34.0))
     worn, swung = (gauged(signals, Peak(1050, 1000, True, swung=limb))[1] for limb in (False, True))
     assert (worn.bounce_m_s2, swung.bounce_m_s2) == (32.0, 12.0)
-    assert worn.length_m - swung.length_m == pytest.approx(0.1 * (32.0**0.25 - 12.0**0.25))

@@ -30,9 +30,17 @@ def test_every_field_of_a_step_is_a_column_of_the_track() -> None:
 
 
 def test_length_on_the_level_by_hand() -> None:
-    config = StepLengthConfig(alpha_m=0.1, beta_m_s=0.2, gamma_m=9.0, kappa=0.3)
-    assert flat_length_m(config, 1.5, 81.0) == pytest.approx(0.1 + 0.3 + 0.9)
-    assert flat_length_m(config, 1.5, 0.0) == pytest.approx(0.4)
+    config = StepLengthConfig(alpha_m=0.1, beta_m_s=0.2, beta2_m_s2=-0.1, gamma_m=9.0, kappa_surge=0.5)
+    assert flat_length_m(config, 1.5, 0.09) == pytest.approx(0.1 + 0.3 - 0.225 + 0.15)
+    assert flat_length_m(config, 1.5, 0.0) == pytest.approx(0.175)
+    assert flat_length_m(config, 1.5, 0.5) == flat_length_m(config, 1.5, 0.2) == pytest.approx(0.175 + 0.5 * 0.2**0.5)
+    assert flat_length_m(config, 9.0, 0.0) == flat_length_m(config, 2.4, 0.0)
+    assert flat_length_m(config, 0.2, 0.0) == flat_length_m(config, 1.1, 0.0)
+
+
+def test_the_papers_line_goes_on_beyond_the_cadences_of_the_fit() -> None:
+    paper = StepLengthConfig(alpha_m=0.35, beta_m_s=0.2, beta2_m_s2=0.0, kappa_surge=0.0)
+    assert [flat_length_m(paper, hz, 0.5) for hz in (0.7, 2.0, 3.2)] == pytest.approx([0.49, 0.75, 0.99])
 
 
 def test_measuring_looks_back_twelve_seconds() -> None:

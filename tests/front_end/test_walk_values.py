@@ -17,7 +17,8 @@ from fbgraph.front_end.detect_steps import FrontEnd, detect_steps
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import Step, StepTrack
 
-CONFIG = load_config(None, ["step_length.alpha_m=0.4", "step_length.beta_m_s=0.1", "step_length.kappa=0.1"])
+LENGTH = {"alpha_m": 0.4, "beta_m_s": 0.1, "beta2_m_s2": 0.0, "kappa_surge": 0.1}
+CONFIG = load_config(None, [f"step_length.{key}={value}" for key, value in LENGTH.items()])
 STAND_S, WALK_S, INTERVAL_S, BIAS = 10.0, 30.0, 0.5, 0.01
 
 
@@ -70,11 +71,16 @@ def test_every_step_is_found_at_the_top_of_its_bounce(whole: Whole) -> None:
     assert np.allclose(track.frequency_hz[2:], 2.0, atol=0.05)
 
 
-def test_every_length_is_that_of_cadence_and_bounce(whole: Whole) -> None:
-    """0.4 + 0.1 · 2 Hz + 0.1 · (4 m/s²)^(1/4); the gait begins and ends at the valleys."""
+def test_every_length_is_that_of_cadence_and_surge(whole: Whole) -> None:
+    """0.4 + 0.1 · 2 Hz + 0.1 √surge; the gait begins and ends at the valleys.
+
+    The push, 0.6 cos 2ωt, makes a speed of amplitude 0.6/2ω; the sway of 0.3 sin ωt, of which a step sees half a
+    period, one of -0.3/ω cos ωt, with a variance of (0.3/ω)² (1/2 - 4/π²).
+    """
+    push_m_s, sway_m_s = 2.0 * 0.6 / (4.0 * np.pi), np.sqrt(8.0 * (0.5 - 4.0 / np.pi**2)) * 0.3 / (2.0 * np.pi)
     track = whole[0]
     assert track.length_m[0] == 0.0
-    assert np.allclose(track.length_m[2:], 0.6 + 0.1 * np.sqrt(2.0), atol=0.01)
+    assert np.allclose(track.length_m[2:], 0.6 + 0.1 * np.sqrt(np.hypot(push_m_s, sway_m_s)), atol=0.002)
     assert not track.slope.any()
 
 

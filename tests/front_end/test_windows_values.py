@@ -1,10 +1,13 @@
 """Moments over a sliding window, against every window taken by itself."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from fbgraph.core.geometry import FloatArray
-from fbgraph.front_end.running_sums import Latest, WindowMoments
+from fbgraph.front_end.levelled_signals import gaps
+from fbgraph.front_end.running_sums import Latest, WindowMeans, WindowMoments
 
 
 def one_by_one(values: FloatArray, window: int) -> tuple[FloatArray, FloatArray]:
@@ -61,3 +64,21 @@ def test_the_latest_rows_are_those_that_a_copy_of_all_would_hold(keep: int) -> N
         given.append((rows, known))
     for rows, then in given:
         np.testing.assert_array_equal(rows, then)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+def test_means_over_several_windows_are_those_of_each(offset: float) -> None:
+    values = np.random.default_rng(4).normal(size=(200, 2)) + offset
+    together = WindowMeans(2, (7, 30))
+    cuts = [0, 1, 5, 36, 37, 90, 200]
+    means = np.concatenate([together.push(values[lo:hi]) for lo, hi in itertools.pairwise(cuts)])
+    for columns, window in ((means[:, :2], 7), (means[:, 2:], 30)):
+        by_hand = [(values - offset)[max(i - window + 1, 0) : i + 1].mean(axis=0) for i in range(200)]
+        np.testing.assert_allclose(columns - offset, by_hand, rtol=0.0, atol=1e-9)
+    assert (means == WindowMeans(2, (7, 30)).push(values)).all()
+
+
+def test_gaps_are_where_an_index_goes_on() -> None:
+    assert gaps(np.array([4, 5, 6])) == gaps(np.array([9])) == gaps(np.empty(0, dtype=np.int64)) == []
+    assert gaps(np.array([4, 5, 7, 8, 20])) == [2, 4]
+    assert gaps(np.array([4, 6])) == [1]

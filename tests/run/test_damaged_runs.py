@@ -142,7 +142,7 @@ def test_without_digests_what_is_read_twice_is_right_and_all_is_finite(whole: Pa
         said, why = outcome(old)
         after = before if why else np.array(json.loads(said)["loaded"]["smoothed"])[:, 1:3]
         assert np.abs(after - before).max() < 1e-5, (name, done)
-        assert name in (why or name), done
+        assert name in (why or name) or "this run does not know its own" in str(why), done  # where it lies, by its name
         shutil.copyfile(kept / name, old / name)
 
 

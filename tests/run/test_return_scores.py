@@ -45,7 +45,7 @@ def test_places_of_the_way_back_are_known_in_the_museum(museum: list[ReturnScore
 def test_turning_back_and_arriving_are_noticed_in_the_museum(museum: list[ReturnScore]) -> None:
     assert max(w.turn_off_s for w in museum) < 10.0
     assert max(w.delay_s for w in museum) < 15.0
-    assert max(w.arrived_m for w in museum) < 4.0
+    assert max(w.arrived_m for w in museum) < 4.2  # returning.arrived_m and a step
     assert all(np.isfinite(w.arrived_m) for w in museum)
 
 

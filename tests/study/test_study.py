@@ -198,7 +198,8 @@ def test_step_lengths_are_fitted_by_least_squares_and_lambda_by_counts() -> None
     level = fit({0.2: [Evidence(flat, None)]}, CONFIG)
     assert level.kept == ("gamma_m",)
     assert level.gamma_m == CONFIG.step_length.gamma_m
-    assert level.apply(CONFIG).step_length.kappa == 0.0
+    applied = level.apply(CONFIG).step_length
+    assert (applied.beta2_m_s2, applied.kappa_surge) == (0.0, 0.0)
     with pytest.raises(DataError, match="nothing to fit"):
         fit({0.2: [Evidence(np.empty((0, 3)), 4)]}, CONFIG)
 

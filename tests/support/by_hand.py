@@ -13,7 +13,7 @@ from fbgraph.core.trajectory import Breadcrumb, Trajectory
 from fbgraph.front_end.step_track import Step
 from fbgraph.way_back.records import Match
 
-HALF_A_METRE = StepLengthConfig(alpha_m=0.5, beta_m_s=0.0, gamma_m=0.0, kappa=0.0)
+HALF_A_METRE = StepLengthConfig(alpha_m=0.5, beta_m_s=0.0, gamma_m=0.0, beta2_m_s2=0.0, kappa_surge=0.0)
 """Every step is half a metre long on the level."""
 
 
@@ -25,7 +25,7 @@ def hand_step(**given: Any) -> Step:
     usual |= {"jump_x_ut": 0.0, "jump_y_ut": 0.0, "rest_drift_sigma_rad": 0.0}
     usual |= {"rest_drift_rad": given.get("rest_rate_rad_s", 0.0) * given["rest_s"] if given.get("rest_s") else 0.0}
     usual |= {"gusty": False, "carried_m": 0.0, "blown_m": 0.0}
-    usual |= {"bounce_m_s2": 5.0, "doubt_m": 0.0, "yaw_s": 0.25, "yaw_gyro_rad": 0.0, "chained": True}
+    usual |= {"bounce_m_s2": 5.0, "surge_m_s": 0.2, "doubt_m": 0.0, "yaw_s": 0.25, "yaw_gyro_rad": 0.0, "chained": True}
     return Step(**(silent | rest | usual | given))
 
 

@@ -21,10 +21,10 @@ def levelled(count: int, first: int = 0, rate_hz: float = 100.0, **given: Any) -
     index = np.arange(first, first + count, dtype=np.int64) if "index" not in given else given.pop("index")
     columns: dict[str, Any] = dict.fromkeys(("mount_up_rad", "tilt_rate_rad_s", "yaw_gyro_rad"), 0.0)
     columns |= dict.fromkeys(("yaw_mag_rad", "mag_norm_ut", "mag_dip_rad", "altitude_m"), np.nan)
-    columns |= {"acc_norm_m_s2": G, "still": False, "up_m_s2": G} | given
-    up = np.broadcast_to(columns.pop("up_m_s2"), count)
+    columns |= {"acc_norm_m_s2": G, "still": False} | given
+    level = {"forward_m_s2": 0.0, "left_m_s2": 0.0, "up_m_s2": G}
+    acc_n = np.column_stack([np.broadcast_to(columns.pop(name, still), count) for name, still in level.items()])
     columns = {name: np.array(np.broadcast_to(value, count)) for name, value in columns.items()}
-    acc_n = np.column_stack((np.zeros(count), np.zeros(count), up))
     jumps = np.zeros((count, 2))
     return LevelledSignals(index=index, t_s=index / rate_hz, acc_n_m_s2=acc_n, field_jump_ut=jumps, **columns)
 

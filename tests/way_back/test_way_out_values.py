@@ -15,7 +15,7 @@ WAY = way_along((1.0, 2.0), (5.0, 2.0), (5.0, 5.0))
 def test_it_holds_the_breadcrumbs_up_to_the_last() -> None:
     height = 0.1 * np.arange(len(WAY))
     steps = steps_of(WAY, altitude_m=height, mag_norm_ut=height + 50.0, mag_dip_rad=height * 0.0 + math.pi / 6)
-    out = Outbound.of(WAY, steps, StepLengthConfig(alpha_m=0.6, beta_m_s=0.0, kappa=0.0), 10)
+    out = Outbound.of(WAY, steps, StepLengthConfig(alpha_m=0.6, beta_m_s=0.0, beta2_m_s2=0.0, kappa_surge=0.0), 10)
     np.testing.assert_array_equal(out.t_s, 0.5 * np.arange(11))
     np.testing.assert_allclose(out.route_m, 0.5 * np.arange(11))
     np.testing.assert_allclose(out.level_m, 0.6 * np.arange(11))
@@ -32,10 +32,10 @@ def test_the_field_is_split_by_its_dip() -> None:
 
 
 def test_a_step_is_as_long_on_the_level_as_its_pace_says() -> None:
-    length = StepLengthConfig(alpha_m=0.2, beta_m_s=0.1, gamma_m=-9.0, kappa=0.05, shortest_m=0.3)
-    step = hand_step(frequency_hz=2.0, bounce_m_s2=16.0, length_m=0.1, slope=0.5)
-    assert level_length_m(step, length) == pytest.approx(0.2 + 0.2 + 0.05 * 2.0)
-    assert level_length_m(hand_step(frequency_hz=-1.0, bounce_m_s2=0.0), length) == 0.3
+    length = StepLengthConfig(alpha_m=0.2, beta_m_s=0.1, beta2_m_s2=0.0, gamma_m=-9.0, kappa_surge=0.5, shortest_m=0.3)
+    step = hand_step(frequency_hz=2.0, surge_m_s=0.16, length_m=0.1, slope=0.5)
+    assert level_length_m(step, length) == pytest.approx(0.2 + 0.2 + 0.5 * 0.4)
+    assert level_length_m(hand_step(frequency_hz=-1.0, surge_m_s=0.0), length) == 0.3
     assert level_length_m(hand_step(frequency_hz=2.0, length_m=0.0), length) == 0.0
 
 
