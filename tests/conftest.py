@@ -10,6 +10,12 @@ from fbgraph.simulator.simulate import simulate
 SHARED_DATA = Path(__file__).parents[1].parent / "shared" / "data"
 
 
+@pytest.fixture(autouse=True)
+def _no_width_of_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever runs the tests may have told the width of a terminal; tests that want one say so."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of real logs beside the project; tests that need it are skipped on machines that lack it.

@@ -43,7 +43,7 @@ def validated(
         if first["type"] == "extra_forbidden":
             raise ConfigError(f"{source}: unknown key {path!r}; {keys}") from error
         if first["type"] == "missing":
-            raise ConfigError(f"{source}: {path}: missing; {keys}") from error
+            raise ConfigError(f"{source}: {path}: Field required; {keys}") from error
         if not path:  # of keys that do not go together
             raise ConfigError(f"{source}: {first['msg'].removeprefix('Value error, ')}") from error
         raise ConfigError(f"{source}: {path}: {first['msg']} (got {_SHOWN.repr(first['input'])})") from error

@@ -31,6 +31,8 @@ from fbgraph.tables.table import Table
 
 SENSORS = ("acc", "gyro", "mag", "pressure")
 _LARGEST = {"acc": 50.0, "linear_acc": 1e3, "gravity": 50.0, "gyro": 1e4, "mag": 50.0}  # times the usual
+_HANGS_NS = 1_000_000_000
+_SPIKE = 4.0  # times what nine of ten samples do not pass: nobody's foot strikes as hard, in any unit
 _COMMON_SHARE = 0.01  # of rows, from which a shorter one is a habit of the logger, not a line cut short
 
 
@@ -100,9 +102,8 @@ def with_expected(reading: Reading, tables: Sequence[Table]) -> Layout:
 
 
 _NO_GRAVITY = (
-    "the accelerometer has gravity removed, so that nothing tells which way is down: log the acceleration with "
-    "gravity (phyphox: Accelerometer, not Linear Accelerometer; Sensor Logger: TotalAcceleration, or Gravity beside "
-    "Accelerometer)"
+    "the accelerometer has gravity removed, so that nothing tells which way is down: log it with gravity (phyphox: "
+    "Accelerometer, not Linear; Sensor Logger: TotalAcceleration, or Gravity beside Accelerometer)"
 )
 
 
@@ -185,14 +186,30 @@ def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequen
     if len(t) and not (np.diff(t) > 0).all():
         t, first = np.unique(t, return_index=True)
         values = values[first]
+    alive = _alive(t, values) if name in ("acc", "gyro", "mag") else np.ones(len(t), dtype=bool)
+    if not alive.all():
+        t, values = t[alive], values[alive]
     return Stream((t - (t[0] if len(t) else 0)) * 1e-9, values)
+
+
+def _alive(t_ns: IntArray, values: FloatArray) -> BoolArray:
+    """Which samples a sensor measured that does not hang: one that repeats itself for a second tells nothing."""
+    fresh = np.ones(len(values), dtype=bool)
+    fresh[1:] = (values[1:] != values[:-1]).any(axis=1)
+    first = np.flatnonzero(fresh)
+    last = np.append(first[1:] - 1, len(values) - 1)
+    hangs = t_ns[last] - t_ns[first] > _HANGS_NS
+    return ~np.repeat(hangs, last - first + 1) if hangs.any() and not hangs.all() else np.ones(len(values), dtype=bool)
 
 
 def _likely(name: str, values: FloatArray, good: BoolArray) -> BoolArray:
     """Which rows have numbers like the others': one that a garbled line made huge would outweigh a walk's."""
     size = np.abs(values if good.all() else np.where(good[:, None], values, 0.0)).max(axis=1)
     usual = float(np.median(size[good])) if good.any() else 0.0
-    likely: BoolArray = size <= _LARGEST.get(name, np.inf) * usual
+    most = _LARGEST.get(name, np.inf) * usual
+    if name == "acc" and good.any():  # spikes of a tenth of the samples at most
+        most = min(most, _SPIKE * float(np.percentile(size[good], 90)))
+    likely: BoolArray = size <= most
     return likely if usual > 0.0 else np.ones(len(size), dtype=bool)
 
 

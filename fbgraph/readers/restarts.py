@@ -7,6 +7,7 @@ import numpy as np
 from fbgraph.core.geometry import IntArray
 
 _RESTART_NS = 1_000_000_000
+_LATE_TOGETHER = 8  # rows, on average, that come late one after the other
 
 
 def continue_restarts(t_ns: IntArray) -> tuple[IntArray, int]:
@@ -38,11 +39,14 @@ def continue_restarts(t_ns: IntArray) -> tuple[IntArray, int]:
 def little_disorder(t_ns: IntArray) -> bool:
     """Whether some rows come late, as datagrams do, but none by a second: then their times sort them.
 
+    A clock that is set back makes many rows late in a row, which belong where they are.
+
     Args:
         t_ns: (N,) in file order.
     """
-    steps = np.diff(t_ns)
-    if not (steps < 0).any():
+    steps_back = int((np.diff(t_ns) < 0).sum())
+    if not steps_back:
         return False
-    late = np.maximum.accumulate(t_ns)[:-1] - t_ns[1:]
-    return bool(late.max() < _RESTART_NS and (steps < 0).mean() < 0.5)
+    late_ns = np.maximum.accumulate(t_ns) - t_ns
+    late = int((late_ns > 0).sum())
+    return bool(late_ns.max() < _RESTART_NS and late <= _LATE_TOGETHER * steps_back)

@@ -118,7 +118,7 @@ def test_a_rate_is_kept_with_the_run(walk: Path, tmp_path: Path) -> None:
     ("text", "said"),
     [
         ("speed = 1\n", "unknown key 'speed'; `fbgraph inspect LOG --write-layout FILE` writes a layout"),
-        ("app = 'x'\n", "acc: missing; `fbgraph inspect"),
+        ("app = 'x'\n", "acc: Field required; `fbgraph inspect"),
     ],
 )
 def test_a_layout_that_is_none_is_told_in_its_own_words(walk: Path, tmp_path: Path, text: str, said: str) -> None:

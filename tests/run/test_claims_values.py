@@ -185,7 +185,7 @@ def test_a_live_walk_never_lets_another_go(tmp_path: Path, force: bool) -> None:
 
 def test_only_a_live_walk_is_gone_on_with(tmp_path: Path) -> None:
     place = tmp_path / "live"
-    for there in ((), (RAW,), ("config.toml",)):
+    for there in ((), (RAW,), ("config.toml", "summary.json")):
         for name in there:
             place.mkdir(exist_ok=True)
             (place / name).write_text("x")
@@ -200,6 +200,9 @@ def test_only_a_live_walk_is_gone_on_with(tmp_path: Path) -> None:
     (place / "config.toml").write_text("")
     with claimed_live(place, resume=True) as claim:
         assert (claim.place / RAW).read_text() == "lines"
+    (place / RAW).unlink()  # killed before its first byte
+    with claimed_live(place, resume=True) as claim:
+        assert (claim.place / RAW).read_text() == ""
 
 
 def test_two_claims_of_one_place_are_one_too_many(tmp_path: Path) -> None:

@@ -217,12 +217,6 @@ def clock_of(of: Callable[[FloatArray, Generator], FloatArray]) -> Change:
     return change
 
 
-def clock_in_us(table: Table, rng: Generator) -> None:
-    """Of the walk's beginning: a quarter of a minute as four hours."""
-    table.rows = table.rows[:1500]
-    table.rows[:, 0] *= 1e3
-
-
 def clock_jump(by_ms: float, epoch_ms: float = 0.0) -> Change:
     """The clock is set once, in the middle."""
     return clock_of(lambda t_ms, rng: t_ms + epoch_ms + by_ms * (np.arange(len(t_ms)) >= len(t_ms) // 2))
