@@ -200,6 +200,10 @@ def checked(case: Case, folder: Path, code: int, said: str) -> list[str]:
             raw = folder / "live" / "raw.csv"
             if not raw.exists() or raw.read_bytes() != before + case.stdin:
                 wrong.append("resumed, but not to the byte")
+        else:  # killed when all was in its place: who writes there next clears away what was set aside
+            code, said = run(folder, ("record", "live"))
+            if code:
+                wrong.append(f"the next start ended with {code}: {said.strip()}")
     else:
         code, said = run(
             folder, (*case.arguments, *(["--force"] if case.name.startswith(("smooth", "replay")) else []))
