@@ -66,7 +66,7 @@ def record(
     say(f"written to {reruns.record_run(run, out, log)}")
 
 
-@app.command(epilog="Examples: `fbgraph guide runs/walk`, `fbgraph guide runs/walk --format gpx --origin 49.4613,11.1110`")
+@app.command(epilog="Examples: `fbgraph guide runs/walk`, `fbgraph guide runs/walk --format gpx --origin 49.46,11.11`")
 def guide(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
     pace_m: Annotated[
