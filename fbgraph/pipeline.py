@@ -127,8 +127,14 @@ def _own_fixes(log_file: LogFile, inputs: RunInputs, clock: LogClock) -> tuple[C
     """
     asked = inputs.use_gnss != "none"
     fixes = log_file.gnss
-    if asked and fixes is None and inputs.log is not None:
-        fixes = gnss_of(Path(inputs.log))
+    inside = inputs.log is not None and (Path(inputs.log).is_dir() or Path(inputs.log).suffix.lower() == ".zip")
+    if fixes is None and inputs.log is not None and (asked or inside):  # beside a log's one file only if asked
+        try:
+            fixes = gnss_of(Path(inputs.log))
+        except DataError as error:
+            if asked:
+                raise
+            return None, (f"GNSS fixes not used: {error}",)
     if fixes is None:
         if asked:
             raise DataError(
