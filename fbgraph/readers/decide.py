@@ -194,6 +194,8 @@ def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequen
 
 def _alive(t_ns: IntArray, values: FloatArray) -> BoolArray:
     """Which samples a sensor measured that does not hang: one that repeats itself for a second tells nothing."""
+    if len(values) < 2:
+        return np.ones(len(values), dtype=bool)
     fresh = np.ones(len(values), dtype=bool)
     fresh[1:] = (values[1:] != values[:-1]).any(axis=1)
     first = np.flatnonzero(fresh)
