@@ -126,3 +126,12 @@ def test_slow_sensors_are_kept_once_a_measurement(tmp_path: Path) -> None:
     np.testing.assert_array_equal(raw.streams["mag"].t_ns, clock((5000, 300))[::5])
     np.testing.assert_array_equal(raw.streams["pressure"].t_ns, clock((5000, 300))[::10])
     assert raw.counts == {"pressure_repeats": 270}
+
+
+def test_a_clock_set_back_is_not_sorted_but_datagrams_out_of_order_are() -> None:
+    t_ns = 10_000_000 * np.arange(1000, dtype=np.int64)
+    set_back = t_ns - 500_000_000 * (np.arange(1000) >= 500)
+    assert not little_disorder(set_back)
+    swapped = t_ns.reshape(-1, 4)[:, [1, 0, 3, 2]].ravel()
+    assert little_disorder(swapped)
+    assert not little_disorder(t_ns)
