@@ -27,10 +27,12 @@ from fbgraph.core.geometry import FloatArray
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.gnss_fixes import gnss_checkpoints
 from fbgraph.core.place_clocks import EPOCH_S
+from fbgraph.core.safe_text import short_name
 
 if TYPE_CHECKING:
     import pandas as pd
 
+_MOST_TOLD = 12  # names of columns, in a line
 _ROLES = {
     "t_s": ("ts", "tapps"),
     "elapsed": ("secondselapsed", "elapseds"),
@@ -114,8 +116,10 @@ def places_of(table: pd.DataFrame, source: str) -> Checkpoints:
     if not metres and not {"lat", "lon"} <= set(roles):
         missing += [name for name in ("x_m", "y_m") if name not in roles]
     if missing:
+        found = [short_name(str(name)) for name in table.columns[:_MOST_TOLD]]
         raise DataError(
-            f"{source}: no column {', '.join(missing)} (found {', '.join(map(str, table.columns))}); "
+            f"{source}: no column {', '.join(missing)} (found {', '.join(found)}"
+            f"{', …' if len(table.columns) > _MOST_TOLD else ''}); "
             "a checkpoint file needs t_s,x_m,y_m[,z_m][,floor][,sigma_m], or lat_deg,lon_deg for x_m,y_m; a receiver's "
             "time,latitude,longitude[,horizontalAccuracy]"
         )

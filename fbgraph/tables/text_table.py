@@ -183,23 +183,28 @@ class _Part:
         """
         import pandas as pd  # here, because it takes a second to import
 
+        options: dict[str, Any] = {
+            "sep": self.rows.separator,
+            "header": None,
+            "names": list(range(self._dialect.width)),
+            "index_col": False,
+            "dtype": str if text else None,
+            "decimal": self._dialect.decimal,
+            "quoting": csv.QUOTE_NONE,
+            "keep_default_na": False,
+            "na_values": list(NO_VALUE) if empty is None else {i: [*NO_VALUE, *empty[i]] for i in empty},
+            "skipinitialspace": True,
+            "skip_blank_lines": False,
+        }
+        frame: pd.DataFrame
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # told apart below
-            frame: pd.DataFrame = pd.read_csv(  # type: ignore[call-overload]
-                BytesIO(self.rows.data),
-                sep=self.rows.separator,
-                header=None,
-                names=list(range(self._dialect.width)),
-                usecols=columns,
-                index_col=False,
-                dtype=str if text else None,
-                decimal=self._dialect.decimal,
-                quoting=csv.QUOTE_NONE,
-                keep_default_na=False,
-                na_values=list(NO_VALUE) if empty is None else {i: [*NO_VALUE, *empty[i]] for i in empty},
-                skipinitialspace=True,
-                skip_blank_lines=False,
-            )
+            try:
+                wanted = None if columns is None else list(columns)
+                frame = pd.read_csv(BytesIO(self.rows.data), usecols=wanted, iterator=False, **options)
+            except pd.errors.ParserError:  # no row of these has the last columns: pandas minds if only some are wanted
+                frame = pd.read_csv(BytesIO(self.rows.data), iterator=False, **options)
+                frame = frame if columns is None else frame[list(columns)]
         return frame
 
 

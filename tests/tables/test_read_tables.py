@@ -159,6 +159,16 @@ def test_what_says_no_value_costs_a_field(tmp_path: Path) -> None:
     assert values(table, "b")[:9] == list(range(2, 11))
 
 
+def test_no_row_may_have_the_last_column(tmp_path: Path) -> None:
+    rows = [f"{i},{0.5 * i},word{i % 3}" for i in range(300)]
+    rows[100] = "100,3.5.1,word"
+    (tmp_path / "log.csv").write_text("t,x,label,event\n" + "\n".join(rows) + "\n")
+    (table,) = read_tables(tmp_path / "log.csv").tables
+    assert [len(column.values) for column in table.columns] == [300] * 4
+    assert table.columns[1].unreadable == 1
+    assert table.columns[2].values[1] == "word1"
+
+
 def test_rows_may_end_early_and_a_last_line_without_its_end_may_be_cut(tmp_path: Path) -> None:
     table = table_of(tmp_path, "t,a,b\n" + "1,2,3\n2,3\n" * 20 + "5,6")
     assert table.widths is not None
