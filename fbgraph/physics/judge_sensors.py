@@ -36,7 +36,7 @@ def judge_sensors(
     acc, gyro, mag = _pieces(acc, gyro, mag)
     unit = judge_accelerometer(acc, named.get("acc"))
     air = judge_pressure(pressure.values, named.get("pressure")) if pressure is not None and len(pressure) else None
-    mag = mag if mag is not None and len(mag) > 1 else None
+    mag = mag if mag is not None and len(mag) > 1 and len(acc) else None  # without gravity no dip
     forces = Stream(acc.t_s, acc.values * unit.scale)
     turning = Turning.of(forces, gyro, mag)
     if unit.gravity_removed:

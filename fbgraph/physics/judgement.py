@@ -68,5 +68,10 @@ class Judged:
         """What there is to say, a clause each."""
         found = (self.acc, self.gyro, self.mag, self.pressure)
         clauses = (clause for judgement in found if judgement is not None for clause in judgement.text.split("; "))
-        texts = tuple(clause for clause in clauses if clause)
-        return texts if self.axes_told else (*texts, "axes: taken as named, the device turned too little to tell")
+        return tuple(clause for clause in clauses if clause)
+
+    @property
+    def undecided(self) -> str:
+        """What more of the walk may still tell; "" if nothing."""
+        untold = () if self.axes_told else ("axes: taken as named, the device turned too little to tell",)
+        return "; ".join((*self.texts, *untold))

@@ -175,7 +175,7 @@ class LiveReader:
             reading = replace(reading, layout=with_expected(reading, [table]))
         sampled = LayoutReader(reading.layout, self._name).read(table)
         if not (last or reading.sure or _told_enough(sampled.t_ns[sampled.good], sampled.values["acc"][sampled.good])):
-            self.undecided = "; ".join(reading.judged.texts) or "what its sensors show is not sure yet"
+            self.undecided = reading.judged.undecided or "what its sensors show is not sure yet"
             return
         self.undecided = ""
         self.counts["lines_before_header"] += sum(1 for remark in dialect.remarks if remark)

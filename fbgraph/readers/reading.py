@@ -53,8 +53,9 @@ class Reading:
             what = "unit" if judgement.straight and judgement.by == "assumed" else "axes"
             told = stream.unit if what == "unit" else " ".join(stream.axes)
             found.append(f"{SENSOR_NAMES[name]} {what} {told}")
-        if not self.judged.axes_told:
-            found.append("axes as named")
+        judged = (self.judged.acc, self.judged.gyro, self.judged.mag)
+        if not self.judged.axes_told and any(one is not None and one.by != "name" for one in judged):
+            found.append("axes as named")  # a log whose names say everything else is believed in that too
         return (*found, *(f"clock {clock.why}" for clock in self.clocks.values() if clock.text and not clock.columns))
 
     def noted(self) -> dict[str, Any]:

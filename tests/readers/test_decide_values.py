@@ -7,6 +7,8 @@ import pytest
 from support.m5stickc_lines import ACC, GYRO
 
 from fbgraph.core.errors import DataError
+from fbgraph.core.sensor_log import Stream
+from fbgraph.physics.judge_sensors import judge_sensors
 from fbgraph.readers import read_log
 
 HEADER = "t_ms,ax,ay,az,gx_rads,gy_rads,gz_rads"
@@ -44,3 +46,9 @@ def test_spikes_and_a_sensor_that_hangs_decide_no_unit(
 def test_a_sensor_without_any_value_is_said_to_be_missing(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="accelerometer"):
         read_log(written(tmp_path, np.full((600, 3), np.nan)))
+
+
+def test_nothing_is_judged_of_an_accelerometer_that_never_spoke() -> None:
+    still = Stream(np.arange(100) / 50.0, np.full((100, 3), 20.0))
+    nothing = Stream(np.empty(0), np.empty((0, 3)))
+    assert judge_sensors(nothing, still, still).mag is None

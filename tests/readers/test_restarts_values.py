@@ -69,7 +69,7 @@ def test_restarts_are_counted_and_told(tmp_path: Path) -> None:
     rows = [row if i < 200 else f"{20 * i - 3990}{row[row.index(',') :]}" for i, row in enumerate(WALK[1:])]
     raw = read_rows(tmp_path, [WALK[0], *rows])
     assert raw.counts["clock_restarts"] == 1
-    assert raw.notices[1:] == ["the device's clock restarted 1 times; later times go on from the last row"]
+    assert raw.notices == ["the device's clock restarted 1 times; later times go on from the last row"]
     np.testing.assert_array_equal(np.diff(raw.streams["acc"].t_ns), 20 * MS)
 
 
@@ -92,7 +92,7 @@ def test_headers_may_come_late_or_again(tmp_path: Path) -> None:
     assert len(again.streams["acc"].t_ns) == 300
     once = read_rows(tmp_path, WALK)
     assert once.counts == {}
-    assert once.notices == ["axes: taken as named, the device turned too little to tell"]
+    assert once.notices == []
     late = read_rows(tmp_path, ["# made by", "boot 1.2", "", *["noise"] * 980, *WALK])
     assert len(late.streams["acc"].t_ns) == 300
 
