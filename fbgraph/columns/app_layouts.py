@@ -156,7 +156,7 @@ LAYOUTS = (
 _SENSOR_LOGGER_SIGNED = ("acc", "linear_acc", "gravity")
 
 
-def layout_of(table: Table) -> AppLayout | None:
+def app_layout_of(table: Table) -> AppLayout | None:
     """The app that wrote a table with a header, by its columns; None if none of ``LAYOUTS`` did."""
     names = [flat_name(column.name) for column in table.columns]
     for layout in LAYOUTS:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fbgraph.columns.app_layouts import layout_of, signs_of
+from fbgraph.columns.app_layouts import app_layout_of, signs_of
 from fbgraph.columns.guesses import Chosen, Guess, Pick
 from fbgraph.columns.name_meaning import VECTORS
 from fbgraph.columns.units import shown
@@ -67,7 +67,7 @@ def choose(tables: Sequence[Table], guesses: Sequence[Sequence[Guess]]) -> Chose
     for together in (GNSS, TRUTH):
         _best_group(choice, guesses, together)
     used = {pick.table for pick in choice.picks.values()}
-    apps = dict.fromkeys(layout.app for i in sorted(used) if (layout := layout_of(tables[i])))
+    apps = dict.fromkeys(layout.app for i in sorted(used) if (layout := app_layout_of(tables[i])))
     return Chosen(choice.picks, tuple(choice.passed_over), tuple(choice.notes), tuple(apps))
 
 
@@ -79,7 +79,7 @@ def _vectors(tables: Sequence[Table], i: int, guesses: Sequence[Guess]) -> list[
         if guess.quantity in VECTORS and guess.axis and guess.weight >= _LEAST:
             key = (guess.quantity, guess.sensor, guess.grade)
             axes.setdefault(key, {}).setdefault(guess.axis, []).append(guess)
-    layout = layout_of(table) if table.headed else None
+    layout = app_layout_of(table) if table.headed else None
     picks = []
     for (quantity, sensor, grade), by_axis in axes.items():
         if len(by_axis) < 3:

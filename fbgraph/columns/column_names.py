@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fbgraph.columns.app_layouts import AppLayout, layout_of, meaning_of
+from fbgraph.columns.app_layouts import AppLayout, app_layout_of, meaning_of
 from fbgraph.columns.guesses import Guess
 from fbgraph.columns.name_meaning import TRUTH, VECTORS, contradicts, grade_of, quantities, sensor_of
 from fbgraph.columns.name_words import words_of
@@ -34,7 +34,7 @@ def guess_columns(table: Table, names: Sequence[str] = ()) -> tuple[Guess, ...]:
     if not table.headed:
         guesses = list(_headless(table))
     else:
-        layout = layout_of(table)
+        layout = app_layout_of(table)
         place = _quantity_of_table(table.name)
         guesses = [guess for i in range(len(table.columns)) for guess in _guess(table, i, layout, place)]
         guesses = _counted_axes(table, guesses)

@@ -58,7 +58,7 @@ def factor_residuals(
     rows: dict[str, list[tuple[int, float, float]]] = {name: [] for name in FACTOR_KINDS}
     for i in range(graph.size()):
         factor = graph.at(i)
-        keys = [gtsam.Symbol(key) for key in factor.keys()]  # noqa: SIM118  a factor is no mapping
+        keys = list(map(gtsam.Symbol, factor.keys()))
         k = max(key.index() for key in keys)
         kind, states = type(factor).__name__, {key.chr() for key in keys}
         if _I in states:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 MIN_DURATION_S = 1.0
 MIN_SAMPLES = 10
-MIN_RATE_HZ = 20.0  # slower than this, steps at 2 Hz are no longer well resolved
+RESOLVED_HZ = 20.0  # slower than this, steps at 2 Hz are no longer well resolved
 LONG_GAP_S = 1.0
 STRAY_GAP_S, STRAY_SAMPLES = 2.0, 5  # fewer samples than this, further than this from all others: garbled times
 _FAR_NS = 1_000_000_000
@@ -280,8 +280,8 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
         )
     for name in ("acc",) if np.array_equal(acc.t_s, gyro.t_s) else ("acc", "gyro"):
         stream, sensor = streams[name], _SENSORS[name]
-        if stream.rate_hz < MIN_RATE_HZ:
-            notices.append(f"the {sensor} runs at {stream.rate_hz:.1f} Hz; steps need {MIN_RATE_HZ:.0f} Hz or more")
+        if stream.rate_hz < RESOLVED_HZ:
+            notices.append(f"the {sensor} runs at {stream.rate_hz:.1f} Hz; steps need {RESOLVED_HZ:.0f} Hz or more")
         gaps_s = np.diff(stream.t_s)
         if gaps_s.max() > LONG_GAP_S:
             longest = int(gaps_s.argmax())

@@ -1,4 +1,4 @@
-"""Logs that are DataFrames: columns named as in an M5StickC CSV, read by the same rules."""
+"""Logs that are DataFrames: read by the same rules as the table that they are as CSV."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def read_dataframe(frame: pd.DataFrame, name: str = "dataframe") -> LogFile:
     """Read a walk from a table; it gives the very walk that the same table written as CSV gives.
 
     Args:
-        frame: a row a sample; columns as ``fbgraph formats`` shows for ``m5stickc``, such as ``t_s``, ``acc_x_ms2``,
+        frame: a row a sample; columns named as in any log of one table, such as ``t_s``, ``acc_x_ms2``,
             ``gyro_z_rads``, ``mag_y_ut``, ``p_hpa``, ``event``. Time may also be the index, or dates.
         name: of the log.
 
