@@ -287,7 +287,8 @@ class OnlineSmoother:
         """Take the next samples and return the estimate at each step that they complete.
 
         Args:
-            samples: later than all before. Of DataFrames rows are awaited until units and axes are told, 20 s of movement at most.
+            samples: later than all before. Of DataFrames rows are held back until units and axes are told, 20 s of
+                movement at most.
 
         Raises:
             ConfigError: a DataFrame after a SensorLog, or the reverse.

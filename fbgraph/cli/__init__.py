@@ -1,8 +1,8 @@
 """The command line: reads arguments, calls the pipeline, prints. The only rooms that print or exit.
 
-``app`` holds the options that commands share, errors, exit codes and the order of the help; ``smooth_online``,
-``run_commands`` (view, record, guide), ``evaluate_plot``, ``inspect_convert``, ``export_commands`` and ``simulate_study``
-(formats and config too) the commands, which are known once they are imported; ``printing`` the tables.
+``app`` holds the options that commands share, errors, exit codes and the order of help; ``printing`` the tables. The
+commands, which are known once they are imported, are in ``smooth_online``, ``run_commands`` (view, record, guide),
+``evaluate_plot``, ``inspect_convert``, ``export_commands`` and ``simulate_study`` (formats and config too).
 """
 
 from fbgraph.cli import evaluate_plot, export_commands, inspect_convert, run_commands, simulate_study, smooth_online

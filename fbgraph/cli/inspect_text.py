@@ -93,7 +93,8 @@ def _sensors(report: dict[str, Any]) -> Iterator[str]:
             text += f" ({told['mean_rate_hz']:g} Hz with its gaps)"
         text += f", {told['start_s']:.2f} to {told['end_s']:.2f} s, longest gap {told['longest_gap_s']:g} s"
         if told["gaps_count"]:
-            text += f"; {told['gaps_count']} gaps of more than 1 s: {_spans(told['gaps'], told['gaps_count'])}"
+            spans = _spans(told["gaps"], told["gaps_count"])
+            text += f"; {told['gaps_count']} gaps of more than {told['gaps_from_s']:.2g} s: {spans}"
         for key, unit in (("rail_m_s2", "m/s²"), ("rail_deg_s", "°/s")):
             if told.get(key) is not None:
                 text += f"; {told['samples_at_rail']} samples at its limit of {told[key]:g} {unit}"

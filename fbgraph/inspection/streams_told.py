@@ -16,6 +16,7 @@ Span = tuple[float, float]
 _SHORTEST_STILL_S = 1.0
 _QUIET_M_S2 = 0.15  # one sigma of |acc| over a second in a hand that holds still
 _MOST_TOLD = 20
+_MISSED_SAMPLES = 3.0
 _UNITS = {"acc": ("m_s2", 1.0), "gyro": ("deg_s", float(np.degrees(1.0)))}
 
 
@@ -37,6 +38,7 @@ def _stream(name: str, stream: Stream) -> dict[str, Any]:
         "longest_gap_s": round(float(gaps_s.max()), 3),
         "gaps": [[round(edge, 3) for edge in span] for span in gaps(stream)[:_MOST_TOLD]],
         "gaps_count": len(gaps(stream)),
+        "gaps_from_s": round(longest_regular_s(stream), 3),
     }
     if name in _UNITS:
         unit, scale = _UNITS[name]
@@ -45,9 +47,14 @@ def _stream(name: str, stream: Stream) -> dict[str, Any]:
     return told
 
 
+def longest_regular_s(stream: Stream) -> float:
+    """From when on a sensor is missed: a second, or three of its samples if it is a slow one."""
+    return max(LONG_GAP_S, _MISSED_SAMPLES / stream.rate_hz)
+
+
 def gaps(stream: Stream) -> list[Span]:
-    """Begin and end of each hole of more than ``LONG_GAP_S``, seconds since log start."""
-    at = np.flatnonzero(np.diff(stream.t_s) > LONG_GAP_S)
+    """Begin and end of each hole of more than ``longest_regular_s``, seconds since log start."""
+    at = np.flatnonzero(np.diff(stream.t_s) > longest_regular_s(stream))
     return list(zip(stream.t_s[at].tolist(), stream.t_s[at + 1].tolist(), strict=True))
 
 

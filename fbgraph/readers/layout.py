@@ -51,6 +51,13 @@ class StreamLayout(Section):
     gravity: StreamLayout | None = None
     repeats: bool | None = None
 
+    @field_validator("columns")
+    @classmethod
+    def _different(cls, columns: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(columns)) < len(columns):
+            raise ValueError("one column for two axes")
+        return columns
+
     @field_validator("axes")
     @classmethod
     def _each_once(cls, axes: tuple[Axis, Axis, Axis]) -> tuple[Axis, Axis, Axis]:

@@ -114,6 +114,13 @@ def test_a_rate_is_kept_with_the_run(walk: Path, tmp_path: Path) -> None:
     assert "--rate 0: expected" in fbgraph("smooth", log, "--rate", "0", "--out", tmp_path / "x", code=2).stderr
 
 
+def test_a_layout_in_which_one_column_is_two_axes_is_refused(walk: Path, tmp_path: Path) -> None:
+    (tmp_path / "twice.toml").write_text(_layout(walk, tmp_path).replace('"ay_g"', '"ax_g"'))
+    error = fbgraph("smooth", walk, "--layout", tmp_path / "twice.toml", "--out", tmp_path / "x", code=2).stderr
+    assert "acc.columns: Value error, one column for two axes" in error
+    assert error.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -116,3 +116,10 @@ def test_the_next_command_reads_the_log_in_the_same_way(tmp_path: Path) -> None:
     inputs = RunInputs.of(log, layout=tmp_path / "l.toml", rate_hz=62.5, max_size=10**9)
     typed = next_command(inputs, log)
     assert typed == f"fbgraph smooth '{log}' --layout {tmp_path / 'l.toml'} --max-size 1000000000 --rate 62.5"
+
+
+def test_a_slow_sensor_is_not_missed_between_its_samples() -> None:
+    t_s = np.linspace(0.0, 29.0, 30) * 1.05
+    assert gaps(Stream(t_s, np.zeros((30, 1)))) == []
+    holed = Stream(np.concatenate((t_s[:10], t_s[14:])), np.zeros((26, 1)))
+    assert np.array(gaps(holed)) == pytest.approx(np.array([[9.45, 14.7]]))
