@@ -50,6 +50,7 @@ def write_sensor_figure(
             label, scale = _PANELS[name]
             _draw(panel, streams[name], scale)
             panel.set_ylabel(label)
+            panel.ticklabel_format(axis="y", useOffset=False)  # a pressure is read as it is
             for spans, color in ((still, "tab:green"), (gaps, "tab:red")):
                 for start_s, end_s in spans:
                     panel.axvspan(start_s, end_s, color=color, alpha=0.25, linewidth=0)
