@@ -66,7 +66,7 @@ def test_heavy_libraries_stay_in_their_rooms(module: str) -> None:
     assert "gtsam" not in used or room(module) == "estimators"
     assert "rerun" not in used or room(module) == "recording" or module == "fbgraph.study.study_recording"
     assert not {"mcap", "mcap_protobuf", "foxglove_schemas_protobuf"} & used or room(module) == "exports"
-    assert "pyarrow" not in used or room(module) in ("exports", "recording")
+    assert "pyarrow" not in used or room(module) in ("tables", "exports", "recording")
     gpx = ("fbgraph.readers.places", "fbgraph.way_back.gpx_geojson")
     assert "gpxpy" not in used or room(module) == "exports" or module in gpx
     assert "matplotlib" not in used or room(module) == "plots" or module == "fbgraph.study.figures"

@@ -265,9 +265,11 @@ class WholeLines:
             if end == 0:
                 return b""
             block, self._skipping = block[end:], False
-        data = self._rest + block  # of which the rest is short
-        end = data.rfind(b"\n") + 1
-        whole, self._rest = data[:end], data[end:]
+        end = block.rfind(b"\n") + 1
+        if end:
+            whole, self._rest = b"".join((self._rest, memoryview(block)[:end])), block[end:]
+        else:
+            whole, self._rest = b"", self._rest + block
         if len(self._rest) > LONGEST_LINE:
             self._rest, self._skipping = b"", True
             self.too_long += 1

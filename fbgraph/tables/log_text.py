@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from fbgraph.core.bounded import Allowance, WholeLines, file_blocks
 from fbgraph.core.errors import DataError
+from fbgraph.core.geometry import BoolArray
 from fbgraph.tables.encoding import as_utf_8, is_binary, utf_16, without_marks
 
 MOST_LINES = 20_000_000
@@ -25,7 +27,6 @@ class LogText:
         source: where it came from.
         pieces: of whole lines, UTF-8; the last may lack its end.
         too_long: lines that are not in it because they ran on for more than 64 KiB.
-        rows: lines that are not empty.
         any_rows: whether more of them were allowed than any walk has.
         encoding: that it was in: ``UTF-8``, ``UTF-16``, or ``latin-1`` if some of its lines were.
         binary: whether it is no text.
@@ -34,10 +35,19 @@ class LogText:
     source: Path
     pieces: tuple[bytes, ...]
     too_long: int = 0
-    rows: int = 0
     any_rows: bool = False
     encoding: str = "UTF-8"
     binary: bool = False
+
+    @cached_property
+    def lines_at_most(self) -> int:
+        """How many lines it has, or one too many: known sooner than how many of them are empty."""
+        return 1 + sum(int(np.count_nonzero(_ends(piece))) for piece in self.pieces)
+
+    @cached_property
+    def rows(self) -> int:
+        """Lines that are not empty."""
+        return sum(map(_rows, self.pieces))
 
     def require_rows(self, most: int) -> None:
         """Refuse a log of so many rows that their numbers take much more memory than its text.
@@ -45,7 +55,7 @@ class LogText:
         Raises:
             DataError: there are more.
         """
-        if self.rows > most and not self.any_rows:
+        if self.lines_at_most > most and self.rows > most and not self.any_rows:
             raise DataError(
                 f"{self.source}: {self.rows} rows, the limit is {most}; if it is a walk, --max-size SIZE allows more"
             )
@@ -90,17 +100,21 @@ def text_of(blocks: Iterable[bytes], source: Path, any_rows: bool = False) -> Lo
     blocks = iter(blocks)
     first = next(blocks, b"")
     lines = WholeLines()
-    pieces, rows, strange = [], 0, 0
+    pieces, strange = [], 0
     for raw in lines.pieces(without_marks(chain((first,), blocks))):
         piece, odd = as_utf_8(raw)
         pieces.append(piece)
-        rows += _rows(piece)
         strange += odd
     encoding = "UTF-16" if utf_16(first) else "latin-1" if strange else "UTF-8"
-    return LogText(source, tuple(pieces), lines.too_long, rows, any_rows, encoding, is_binary(first))
+    return LogText(source, tuple(pieces), lines.too_long, any_rows, encoding, is_binary(first))
+
+
+def _ends(piece: bytes) -> BoolArray:
+    ends: BoolArray = np.frombuffer(piece, dtype=np.uint8) == ord("\n")
+    return ends
 
 
 def _rows(piece: bytes) -> int:
     """Lines that are not empty, of a piece that begins with a line."""
-    ends = np.frombuffer(piece, dtype=np.uint8) == ord("\n")
+    ends = _ends(piece)
     return int(np.count_nonzero(ends[1:] & ~ends[:-1])) + (not ends[-1])

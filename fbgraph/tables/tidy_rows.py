@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,6 +46,15 @@ class TidyRows:
         counts = self.counts + Counter({"lines_unreadable": len(lines) - len(kept)})
         widths = None if self.widths is None else self.widths[~rows]
         return TidyRows(b"".join(line + b"\n" for line in kept), self.separator, widths, counts, self.remarks)
+
+
+def as_they_are(pieces: Sequence[bytes], dialect: Dialect) -> bool:
+    """Whether the lines may all be rows that need no ``tidy``, or else show it by a field that is no number."""
+    if dialect.monitor or dialect.separator == " " or any(b'"' in piece for piece in pieces):
+        return False
+    if dialect.kinds[0] == "number":  # no comment or header begins with one
+        return True
+    return not any(_has_others(piece, dialect) for piece in pieces)
 
 
 def tidy(data: bytes, dialect: Dialect) -> TidyRows:
