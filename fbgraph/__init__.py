@@ -54,6 +54,7 @@ __version__ = "0.1.0"
 
 ROOMS = (
     "core",
+    "workers",
     "tables",
     "columns",
     "physics",

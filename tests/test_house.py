@@ -71,6 +71,7 @@ def test_heavy_libraries_stay_in_their_rooms(module: str) -> None:
     assert "gpxpy" not in used or room(module) == "exports" or module in gpx
     assert "matplotlib" not in used or room(module) == "plots" or module == "fbgraph.study.figures"
     assert "typer" not in used or room(module) == "cli"
+    assert not {"pebble", "multiprocessing", "distributed", "dask"} & used or room(module) == "workers"
 
 
 @pytest.mark.parametrize("module", [name for name in INSIDE if room(name) != "cli"])
