@@ -22,6 +22,7 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.core.safe_text import short_name
+from fbgraph.core.sampling import runs_of
 from fbgraph.tables.table import Table
 
 ASSUMED_RATE_HZ = 50.0
@@ -159,7 +160,8 @@ def _try_number(table: Table, guess: Guess, inertial: bool) -> _Trial:
     """A column of numbers as a clock."""
     name = _name(table, guess.column)
     values = table.columns[guess.column].values
-    values = values[np.isfinite(values)]
+    there = np.isfinite(values)
+    values = values if there.all() else values[there]
 
     def none(fault: str) -> _Trial:
         return _Trial(None, fault=fault, column=guess.column)
@@ -177,7 +179,7 @@ def _try_number(table: Table, guess: Guess, inertial: bool) -> _Trial:
     step = step_of(t)
     if not guess.unit and len(values) > _FEW_ROWS and values.dtype.kind == "i" and (np.diff(t) == 1).mean() > 0.97:
         return none("grows by 1 from row to row, like a counter of samples: its unit is unknown")
-    unit, text = _tick(name, guess.unit, float(np.median(t)), step, inertial and len(values) > _FEW_ROWS)
+    unit, text = _tick(name, guess.unit, float(np.median(runs_of(t))), step, inertial and len(values) > _FEW_ROWS)
     if not unit:
         return none(text)
     if wrap:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fbgraph.columns.units import UNITS
 from fbgraph.core.geometry import FloatArray, IntArray
+from fbgraph.core.sampling import runs_of
 
 _NEAR_STEPS = 100  # a counter that begins again left out fewer rows than this
 _DAY_S, _WEEK_S = 86_400.0, 604_800.0
@@ -39,10 +40,13 @@ def unwrapped(values: NDArray[Any], spans: Sequence[float]) -> tuple[FloatArray 
         spans: after how many ticks it may.
     """
     there = np.isfinite(values)
-    ticks = values[there]
+    ticks = values if there.all() else values[there]
     if len(ticks) < 2:
         return values, 0.0
     steps = np.diff(ticks)
+    shortest, longest = steps.min(), steps.max()
+    if max(longest, -shortest) <= max(_NEAR_STEPS * shortest, 0.4 * min(spans)):  # nothing to look at one by one
+        return values, 0.0
     usual = step_of(ticks)
     large = np.flatnonzero(np.abs(steps) > max(_NEAR_STEPS * usual, 0.4 * min(spans)))
     if usual <= 0 or len(large) == 0 or len(large) > 10 + len(ticks) // 20:
@@ -76,23 +80,26 @@ def step_of(ticks: FloatArray | IntArray) -> float:
         return 0.0
     if (steps < 0).mean() > 0.05:
         steps = np.diff(np.sort(ticks))
-    positive = steps[steps > 0]
-    if len(positive) == 0:
+    grows = int(np.count_nonzero(steps > 0))
+    if not grows:
         return 0.0
-    rows = len(ticks) / (len(positive) + 1)
-    usual = float(np.median(positive))
+    rows = len(ticks) / (grows + 1)
+    some = runs_of(steps)
+    usual = float(np.median(some[some > 0] if (some > 0).any() else steps[steps > 0]))
     return usual / rows if rows >= _COARSE_ROWS else usual
 
 
 def distinct(values: NDArray[Any]) -> int:
     """How many different numbers there are; by sorting, as numpy's table of whole numbers is ten times as slow."""
-    return 1 + int(np.count_nonzero(np.diff(np.sort(values)))) if len(values) else 0
+    steps = np.diff(values)
+    steps = steps if len(steps) == 0 or steps.min() >= 0 else np.diff(np.sort(values))
+    return 1 + int(np.count_nonzero(steps)) if len(values) else 0
 
 
 def progress(ticks: FloatArray | IntArray) -> bool:
     """Whether ticks grow: nearly always, or from end to end with rows out of order."""
     steps = np.diff(ticks)
-    if (steps >= 0).mean() >= 0.97:
+    if np.count_nonzero(steps >= 0) >= 0.97 * len(steps):
         return True
     first, last = np.median(ticks[:9]), np.median(ticks[-9:])
     span = float(np.percentile(ticks, 99) - np.percentile(ticks, 1))
@@ -104,13 +111,12 @@ def damage(values: NDArray[Any]) -> str:
 
     ``1730000000018`` shown as ``1.73E+12`` and saved so has lost its digits.
     """
-    ticks = np.abs(values.astype(float))
-    if len(ticks) < 3 or np.median(ticks) < 1e8:
+    if len(values) < 3 or max(values.max(), -values.min()) < 1e8:
         return ""
-    digits = np.floor(np.log10(np.maximum(ticks, 1.0)))
-    lost = 10.0 ** np.maximum(digits - (_FEW_DIGITS - 1), 0)
-    short = np.abs(np.round(ticks / lost) * lost - ticks) < 1e-12 * ticks
-    if short.mean() < 0.99 or distinct(ticks) > len(ticks) / 5:
+    ticks = np.abs(values.astype(float))
+    if np.median(ticks) < 1e8 or not _are_short(runs_of(ticks)) or not _are_short(ticks):
+        return ""
+    if distinct(ticks) > len(ticks) / 5:
         return ""
     return (
         f"lost its last digits (it begins {values[0]:.6g}, as a spreadsheet shows large numbers): export the log again "
@@ -118,12 +124,20 @@ def damage(values: NDArray[Any]) -> str:
     )
 
 
+def _are_short(ticks: FloatArray) -> bool:
+    """Whether nearly all have no more digits than a spreadsheet shows."""
+    digits = np.floor(np.log10(np.maximum(ticks, 1.0)))
+    lost = 10.0 ** np.maximum(digits - (_FEW_DIGITS - 1), 0)
+    short = np.abs(np.round(ticks / lost) * lost - ticks) < 1e-12 * ticks
+    return bool(short.mean() >= 0.99)
+
+
 def spread(t_ns: IntArray) -> IntArray:
     """Times (N,) of a coarse clock, with the rows of each tick spread evenly over it; fine ones as they are.
 
     Of the first tick the last rows were seen, of the last the first.
     """
-    if len(t_ns) < 2:
+    if len(t_ns) < 2 or len(t_ns) < _COARSE_ROWS * (1 + np.count_nonzero(t_ns[1:] != t_ns[:-1])):
         return t_ns
     starts = np.flatnonzero(np.diff(t_ns, prepend=t_ns[0] - 1))
     if len(t_ns) < _COARSE_ROWS * len(starts) or len(starts) < 3:

@@ -17,6 +17,8 @@ def to_ns(t: FloatArray | IntArray, tick_ns: int) -> IntArray:
     that were written. Times that no clock can show become ``MAX_T_NS + 1``, which cleaning drops.
     """
     most = MAX_T_NS // tick_ns
+    if t.dtype.kind == "i" and (len(t) == 0 or (t.min() >= -most and t.max() <= most)):
+        return np.asarray(t * tick_ns, dtype=np.int64)
     possible = (t >= -most) & (t <= most)  # False for nan
     t = np.where(possible, t, 0)
     if t.dtype.kind == "i":

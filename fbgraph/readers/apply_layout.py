@@ -12,7 +12,7 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.readers.cleaning import LIMITS, RawLog, RawStream, drop_repeats, kept
-from fbgraph.readers.layout import ANY, AXES, ClockLayout, Layout, StreamLayout
+from fbgraph.readers.layout import ANY, ClockLayout, Layout, StreamLayout
 from fbgraph.readers.restarts import continue_restarts, little_disorder
 from fbgraph.tables.table import Table
 
@@ -96,16 +96,19 @@ def apply_layout(tables: Sequence[Table], layout: Layout, source: object) -> Raw
         timed[i] = _timed(tables[i], layout, of_table, raw, source)
     for name, (i, stream) in wanted.items():
         one = timed[i]
-        values = stream_values(one.table, stream, source)
-        if stream.gravity is not None:
-            values = values + _gravity(tables, layout, stream.gravity, one.t_ns, source) @ stream.rotation.T
-        there = one.good & ~np.isnan(values).all(axis=1)
-        if not there.any():
+        rows = _filled(one, stream, source)
+        t_ns = one.t_ns if rows is None else one.t_ns[rows]
+        if not len(t_ns):
             continue
-        raw.streams[name] = RawStream(*kept(there, one.t_ns, values))
+        values = stream_values(one.table, stream, source, rows)
+        if stream.gravity is not None:
+            values = values + _gravity(tables, layout, stream.gravity, t_ns, source) @ stream.rotation.T
+            empty = np.asarray(np.isnan(values).all(axis=1))
+            t_ns, values = kept(~empty, t_ns, values)
+        raw.streams[name] = RawStream(t_ns, values)
         if name in ("mag", "pressure"):
             raw.streams[name] = drop_repeats(raw.streams[name], stream.repeats)
-            if repeats := int(there.sum()) - len(raw.streams[name].t_ns):
+            if repeats := len(t_ns) - len(raw.streams[name].t_ns):
                 raw.counts[f"{name}_repeats"] = repeats
     if layout.event is not None:
         i = find_table(tables, layout.event[0], source)
@@ -145,16 +148,27 @@ def find_column(table: Table, name: str, source: object) -> int:
     raise DataError(f"{source}: the layout names a column {name!r}, {table.source} has {there}")
 
 
-def stream_values(table: Table, stream: StreamLayout, source: object) -> FloatArray:
-    """(N, D) values of a sensor in SI, along the device's axes."""
-    values = table.numbers([find_column(table, name, source) for name in stream.columns])
+def stream_values(table: Table, stream: StreamLayout, source: object, rows: BoolArray | None = None) -> FloatArray:
+    """(N, D) values of a sensor in SI, along the device's axes.
+
+    Args:
+        rows: which of the table's; None for all.
+    """
+    columns = _columns(table, stream, source)
+    order, signs = range(len(columns)), np.ones(len(columns))
+    if len(columns) == 3:  # no product of matrices: an empty field would empty all three
+        order, signs = np.abs(stream.rotation).argmax(axis=1).tolist(), stream.rotation.sum(axis=1)
+    values = np.empty((len(table) if rows is None else int(np.count_nonzero(rows)), len(columns)))
     with np.errstate(over="ignore"):  # garbled numbers
-        values = values * stream.scale
-    if values.shape[1] == 1 or stream.axes == AXES:
-        return values
-    order = np.abs(stream.rotation).argmax(axis=1)  # no product of matrices: an empty field would empty all three
-    turned: FloatArray = values[:, order] * stream.rotation.sum(axis=1)
-    return turned
+        for k, i in enumerate(order):
+            np.multiply(columns[i] if rows is None else columns[i][rows], stream.scale * signs[k], out=values[:, k])
+    return values
+
+
+def _columns(table: Table, stream: StreamLayout, source: object) -> list[FloatArray | IntArray]:
+    """The numbers of a sensor as the table has them; nan in a column of text."""
+    found = [table.columns[find_column(table, name, source)] for name in stream.columns]
+    return [np.full(len(table), np.nan) if column.is_text else column.values for column in found]
 
 
 def clock_of(table: Table, layout: Layout, source: object) -> Clock:
@@ -177,12 +191,16 @@ def _timed(
     """A table's times, and which of its rows are to be trusted; rows that came a little late are put in order."""
     t_ns = clock_ns(table, clock_of(table, layout, source))
     whole, sound = _usable(table, layout, t_ns, streams, source)
-    _count(raw, "lines_unreadable", int((~whole).sum()) + sum(table.counts.get(why, 0) for why in _UNREADABLE))
-    _count(raw, "rows_impossible", int((whole & ~sound).sum()))
+    _count(
+        raw, "lines_unreadable", int(np.count_nonzero(~whole)) + sum(table.counts.get(why, 0) for why in _UNREADABLE)
+    )
+    _count(raw, "rows_impossible", int(np.count_nonzero(whole & ~sound)))
     for reason, number in table.counts.items():
         if reason not in _UNREADABLE:
             _count(raw, reason, number)
     good = whole & sound
+    if good.all() and (np.diff(t_ns) > 0).all():
+        return _Timed(table, t_ns, good)
     if little_disorder(t_ns[good]):
         order = np.argsort(np.where(good, t_ns, np.maximum.accumulate(np.where(good, t_ns, t_ns.min()))), kind="stable")
         _count(raw, "rows_reordered", int((np.diff(t_ns[good]) < 0).sum()))
@@ -230,10 +248,26 @@ def _usable(
     sound: BoolArray = np.abs(t_ns) <= MAX_T_NS
     for name, stream in streams:
         if name in ("acc", "gyro"):
-            values = table.numbers([find_column(table, column, source) for column in stream.columns])
-            with np.errstate(over="ignore"):
-                sound &= ~(np.abs(values * stream.scale) > LIMITS[name]).any(axis=1)
+            for values in _columns(table, stream, source):
+                with np.errstate(over="ignore"):
+                    if not _within(values, stream.scale, LIMITS[name]):
+                        sound &= ~(np.abs(values * stream.scale) > LIMITS[name])
     return table.whole(layout.row_widths), sound
+
+
+def _within(values: FloatArray | IntArray, scale: float, limit: float) -> bool:
+    """Whether every field is filled, and none is beyond a limit."""
+    return len(values) > 0 and bool(values.max() * scale <= limit and values.min() * scale >= -limit)
+
+
+def _filled(timed: _Timed, stream: StreamLayout, source: object) -> BoolArray | None:
+    """(N,) rows that can be used and have a value of a sensor; None if all have."""
+    empty: BoolArray = np.ones(len(timed.good), dtype=bool)
+    for values in _columns(timed.table, stream, source):
+        empty = empty & np.isnan(values)
+        if not empty.any():
+            return None if timed.good.all() else timed.good
+    return timed.good & ~empty
 
 
 def _texts(table: Table, column: int) -> list[tuple[int, str]]:

@@ -13,6 +13,7 @@ from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
+from fbgraph.core.sampling import runs_of
 from fbgraph.core.sensor_log import Event, SensorLog, Stream
 
 if TYPE_CHECKING:
@@ -117,9 +118,9 @@ def assemble(raw: RawLog, path: Path, format_name: str, reading: Reading | None 
             )
     t0_ns = min(int(clean["acc"].t_ns[0]), int(clean["gyro"].t_ns[0]))
     end_ns = max(int(clean["acc"].t_ns[-1]), int(clean["gyro"].t_ns[-1]))
-    streams = {
-        name: Stream((stream.t_ns - t0_ns) / 1e9, np.ascontiguousarray(stream.values)) for name, stream in clean.items()
-    }
+    times = {id(stream.t_ns): stream.t_ns for stream in clean.values()}  # sensors of one table share theirs
+    t_s = {same: (t_ns - t0_ns) / 1e9 for same, t_ns in times.items()}
+    streams = {name: Stream(t_s[id(raw.t_ns)], np.ascontiguousarray(raw.values)) for name, raw in clean.items()}
     _check(streams, counts, notices, path)
     events = sorted((t_ns, label) for t_ns, label in raw.events if t0_ns <= t_ns <= end_ns)
     log = SensorLog(
@@ -149,6 +150,8 @@ def _count(counts: dict[str, int], reason: str, number: int) -> None:
 def _clean(name: str, raw: RawStream, counts: dict[str, int], path: Path) -> RawStream:
     """Drop what no sensor can have said and what is out of order: increasing times, finite values."""
     t_ns, values = raw.t_ns, raw.values.reshape(len(raw.t_ns), -1)
+    if _is_clean(name, t_ns, values):
+        return RawStream(t_ns, values)
     largest = np.abs(values).max(axis=1)  # nan if any is nan
     finite = np.isfinite(largest)
     believable = largest <= LIMITS[name]
@@ -180,6 +183,14 @@ def _clean(name: str, raw: RawStream, counts: dict[str, int], path: Path) -> Raw
         )
     _count(counts, f"{name}_not_later", (~later).sum())
     return RawStream(*kept(later, spread_ns, values))
+
+
+def _is_clean(name: str, t_ns: IntArray, values: FloatArray) -> bool:
+    """Whether nothing is to be dropped: told by extremes, which are nan if any value is."""
+    lowest = MIN_PRESSURE_HPA if name == "pressure" else -LIMITS[name]
+    if len(t_ns) < 2 or not (lowest <= values.min() and values.max() <= LIMITS[name]):
+        return False
+    return bool(t_ns[0] >= -MAX_T_NS and t_ns[-1] <= MAX_T_NS and (t_ns[1:] > t_ns[:-1]).all())
 
 
 def _spread(t_ns: IntArray) -> IntArray:
@@ -255,7 +266,11 @@ def _same_time(clean: dict[str, RawStream], counts: dict[str, int], notices: lis
     cut = {}
     for name, stream in clean.items():
         margin_ns = 0 if name == "acc" else int(STRAY_GAP_S * 1e9)
-        within = (stream.t_ns >= log[0][0] - margin_ns) & (stream.t_ns <= log[-1][-1] + margin_ns)
+        first_ns, last_ns = log[0][0] - margin_ns, log[-1][-1] + margin_ns
+        if len(stream.t_ns) and first_ns <= stream.t_ns[0] and stream.t_ns[-1] <= last_ns:
+            cut[name] = stream
+            continue
+        within = (stream.t_ns >= first_ns) & (stream.t_ns <= last_ns)
         _count(counts, f"{name}_stray_time", (~within).sum())
         cut[name] = RawStream(*kept(within, stream.t_ns, stream.values))
     return cut
@@ -264,25 +279,27 @@ def _same_time(clean: dict[str, RawStream], counts: dict[str, int], notices: lis
 def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str], path: Path) -> None:
     """Refuse signals that cannot be a walk, remove sensors that say nothing, and tell the user the rest."""
     acc, gyro = streams["acc"], streams["gyro"]
-    if (acc.values == acc.values[0]).all():
+    if _never_changes(acc.values):
         raise DataError(f"{path}: the accelerometer never changes; the sensor was stuck or not recording")
-    gravity = float(np.median(np.linalg.norm(acc.values, axis=1)))
+    gravity = float(np.median(np.linalg.norm(runs_of(acc.values), axis=1)))
     if not GRAVITY_M_S2[0] <= gravity <= GRAVITY_M_S2[1]:
         raise DataError(
             f"{path}: the accelerometer's median magnitude is {gravity:.2f} m/s² where gravity alone is 9.8; "
             "its unit is wrong, or the log has gravity removed (record the raw accelerometer)"
         )
-    if (gyro.values == gyro.values[0]).all():
+    if _never_changes(gyro.values):
         notices.append("the gyroscope never changes: it was stuck or switched off, turns are not seen")
     if counts.get("acc_time_shared", 0) > 0.01 * len(acc):
         notices.append(
             f"{counts['acc_time_shared']} samples came with the time of another; spread over the step before"
         )
-    for name in ("acc",) if np.array_equal(acc.t_s, gyro.t_s) else ("acc", "gyro"):
+    same_times = acc.t_s is gyro.t_s or np.array_equal(acc.t_s, gyro.t_s)
+    for name in ("acc",) if same_times else ("acc", "gyro"):
         stream, sensor = streams[name], _SENSORS[name]
-        if stream.rate_hz < RESOLVED_HZ:
-            notices.append(f"the {sensor} runs at {stream.rate_hz:.1f} Hz; steps need {RESOLVED_HZ:.0f} Hz or more")
         gaps_s = np.diff(stream.t_s)
+        slow = 2 * np.count_nonzero(gaps_s > 1.0 / RESOLVED_HZ) >= len(gaps_s)
+        if slow and stream.rate_hz < RESOLVED_HZ:
+            notices.append(f"the {sensor} runs at {stream.rate_hz:.1f} Hz; steps need {RESOLVED_HZ:.0f} Hz or more")
         if gaps_s.max() > LONG_GAP_S:
             longest = int(gaps_s.argmax())
             notices.append(
@@ -300,7 +317,7 @@ def _check(streams: dict[str, Stream], counts: dict[str, int], notices: list[str
     for name, (sensor, cost) in OPTIONAL_SENSORS.items():
         if name not in streams:
             notices.append(f"no {sensor}: {cost}")
-        elif len(streams[name]) < MIN_SAMPLES or (streams[name].values == streams[name].values[0]).all():
+        elif len(streams[name]) < MIN_SAMPLES or _never_changes(streams[name].values):
             notices.append(f"{sensor} not used, it has {len(streams[name])} samples or never changes: {cost}")
             del streams[name]
 
@@ -312,13 +329,23 @@ def saturated(name: str, values: FloatArray) -> tuple[float, int]:
     and more often than anything in the 2 % below it.
     """
     rail, at_rail = 0.0, np.zeros(len(values), dtype=bool)
-    for axis in (*values.T, *-values.T):
-        extreme = float(axis.max())
+    if max(values.max(), -values.min()) < _SMALLEST_RAIL[name]:
+        return 0.0, 0
+    for axis, sign in ((axis, sign) for sign in (1.0, -1.0) for axis in values.T):
+        extreme = sign * float(axis.max() if sign > 0.0 else axis.min())
+        if extreme < _SMALLEST_RAIL[name]:
+            continue
+        axis = sign * axis
         there = axis == extreme
-        if extreme >= _SMALLEST_RAIL[name] and there.sum() >= max(3, (axis >= 0.98 * extreme).sum() / 2):
+        if there.sum() >= max(3, (axis >= 0.98 * extreme).sum() / 2):
             rail = max(rail, extreme)
             at_rail |= there
     return rail, int(at_rail.sum())
+
+
+def _never_changes(values: FloatArray) -> bool:
+    """Whether all samples (N, D) are the same; a few tell that they are not."""
+    return bool((values[:9] == values[0]).all() and (values == values[0]).all())
 
 
 def are_repeated(values: FloatArray) -> bool:

@@ -93,6 +93,7 @@ def test_dates_and_truths_are_text() -> None:
     assert not plain(rows, ("", "", "", "number"))
 
 
-def test_quotes_hold_a_separator() -> None:
-    rows = [*ROWS[:AT], '5,6.5,"one, two",', *ROWS[AT + 1 :]]
-    assert [column.values[AT] for column in table_of(rows).columns[:3]] == [5, 6.5, "one, two"]
+@pytest.mark.parametrize("word", ["one, two", "one"])
+def test_quotes_are_no_part_of_a_word_and_hold_a_separator(word: str) -> None:
+    rows = [*ROWS[:AT], f'5,6.5,"{word}",', *ROWS[AT + 1 :]]
+    assert [column.values[AT] for column in table_of(rows).columns[:3]] == [5, 6.5, word]
