@@ -1,11 +1,20 @@
 """The command line: reads arguments, calls the pipeline, prints. The only rooms that print or exit.
 
 ``app`` holds the options that commands share, errors, exit codes and the order of help; ``printing`` the tables. The
-commands, which are known once they are imported, are in ``smooth_online``, ``run_commands`` (view, record, guide),
-``evaluate_plot``, ``inspect_convert``, ``export_commands`` and ``simulate_study`` (formats and config too).
+commands, which are known once they are imported, are in ``smooth_online``, ``play_command``, ``run_commands`` (view,
+record, guide), ``evaluate_plot``, ``inspect_convert``, ``export_commands`` and ``simulate_study`` (formats and config
+too).
 """
 
-from fbgraph.cli import evaluate_plot, export_commands, inspect_convert, run_commands, simulate_study, smooth_online
+from fbgraph.cli import (
+    evaluate_plot,
+    export_commands,
+    inspect_convert,
+    play_command,
+    run_commands,
+    simulate_study,
+    smooth_online,
+)
 from fbgraph.cli.app import main
 
 __all__ = [
@@ -13,6 +22,7 @@ __all__ = [
     "export_commands",
     "inspect_convert",
     "main",
+    "play_command",
     "run_commands",
     "simulate_study",
     "smooth_online",

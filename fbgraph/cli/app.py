@@ -32,7 +32,7 @@ def _typed_shown() -> Iterator[None]:
         raise
 
 
-_FIRST = ("smooth", "online", "inspect", "guide", "view", "plot", "evaluate", "export", "convert")
+_FIRST = ("smooth", "online", "inspect", "guide", "view", "plot", "evaluate", "export", "convert", "play")
 """Commands that lead the help, in the order of a walk's life."""
 
 

@@ -98,7 +98,7 @@ def online(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Run folder.")] = None,
     source: Annotated[
         str | None,
-        typer.Option(metavar="SOURCE", help="Live: stdin, serial:PORT[@BAUD], udp://[HOST]:PORT, tcp://[HOST]:PORT."),
+        typer.Option(metavar="SOURCE", help="Live: stdin, serial:PORT[@BAUD], udp://, tcp:// or http://[HOST]:PORT."),
     ] = None,
     resume: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Go on with an interrupted live walk (with --source).")
@@ -132,8 +132,9 @@ def online(
     from fbgraph.core.config import load_config
     from fbgraph.core.georeference import parse_origin
     from fbgraph.pipeline import read_told, read_walk, write_run
+    from fbgraph.readers.numbered_lines import in_order
     from fbgraph.readers.sources import open_source
-    from fbgraph.run.folder import claimed_live, claimed_run
+    from fbgraph.run.folder import RAW, claimed_live, claimed_run
     from fbgraph.run.inputs import RunInputs
 
     folder = _online_folder(log, source, out, resume)
@@ -146,8 +147,8 @@ def online(
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
     inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss, layout, rate)
-    show, pace = _update_printer(follow, as_json), _speed(speed)
-    stopping = _stop_on_signals()
+    show, pace = _update_printer(follow, as_json), parse_speed(speed)
+    stopping = stop_on_signals()
     if source is None:
         walk, effective, told = read_walk(inputs, config, set_)
         with claimed_run(folder, (inputs, effective), force) as claim:
@@ -171,7 +172,7 @@ def online(
             effective = session.resumed_config(place, return_at) if resume else load_config(config or "m5stickc", set_)
             effective = session.live_declination(effective, told)
             result = session.follow_source(
-                open_source(source, stopping, complain),
+                in_order(open_source(source, stopping, complain), place / RAW, complain),
                 place,
                 effective,
                 told,
@@ -246,7 +247,12 @@ def _live_view(config: Config, view: bool, url: str | None) -> LiveView | None:
     return LiveView(config, url)
 
 
-def _speed(text: str) -> float:
+def parse_speed(text: str) -> float:
+    """How many times as fast as measured; infinity for ``max``.
+
+    Raises:
+        ConfigError: not such a text.
+    """
     if text in ("real", "max"):
         return 1.0 if text == "real" else float("inf")
     try:
@@ -258,7 +264,7 @@ def _speed(text: str) -> float:
     return factor
 
 
-def _stop_on_signals() -> Callable[[], bool]:
+def stop_on_signals() -> Callable[[], bool]:
     """Whether a signal came that ends the walk; a second one ends the command at once."""
     import signal
 

@@ -100,6 +100,7 @@ def test_who_calls_while_a_device_is_connected_is_turned_away_and_that_is_told_o
         for _ in range(3):
             with socket.create_connection(("127.0.0.1", port)) as stray:
                 assert next(source) == b""
+                assert stray.recv(100) == b"busy: another device is connected\n"
                 assert stray.recv(1) == b""
         device.sendall(ROWS[1] + b"\n")
         assert drained(source, 1) == ROWS[1] + b"\n"
