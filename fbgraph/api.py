@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fbgraph.core.aids import Told
+from fbgraph.core.building import Building
+from fbgraph.core.building_files import read_building
 from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.colors import COLORS, LABELS
 from fbgraph.core.config import Config, load_config
@@ -140,6 +142,7 @@ def smooth(
     use_gnss: str = "none",
     layout: str | Path | None = None,
     rate_hz: float | None = None,
+    building: str | Path | Building | None = None,
 ) -> Walk:
     """Reconstruct a walk: PDR, EKF and factor-graph smoother on the same steps.
 
@@ -158,6 +161,7 @@ def smooth(
         layout: a file that says what the columns of a log file are, as ``fbgraph inspect --write-layout`` writes it;
             found by their names and by what they show if None.
         rate_hz: of the samples, for a log file that has no clock.
+        building: what is known of it (``learn_building``), or its file: the walk is laid along its corridors.
         force: give the smoothed trajectory even where the walk's own check withholds it (``Walk.integrity``).
 
     Raises:
@@ -169,6 +173,7 @@ def smooth(
         anchors=_places(anchors),
         closed_walk=closed_walk,
         origin=None if origin is None else Georeference(*origin),
+        building=_building(building),
     )
     inputs = RunInputs.of(
         log=Path(log) if isinstance(log, str | Path) else None,
@@ -182,6 +187,7 @@ def smooth(
         use_gnss=use_gnss,
         layout=None if layout is None else Path(layout),
         rate_hz=rate_hz,
+        building=Path(building) if isinstance(building, str | Path) else None,
     )
     file = _log_file(log, inputs)
     walk, told = with_places(file, told, inputs)
@@ -255,6 +261,7 @@ class OnlineSmoother:
         t0_s: float = 0.0,
         closed_walk: bool = False,
         origin: tuple[float, float] | None = None,
+        building: str | Path | Building | None = None,
     ) -> None:
         """A smoother for one walk.
 
@@ -265,6 +272,7 @@ class OnlineSmoother:
             t0_s: ``SensorLog.t0_s`` of the pieces, which brings their times to the anchors' clock.
             closed_walk: ``finish`` may assume that the walk ended where it began.
             origin: latitude and longitude of its start, degrees; declination is looked up there.
+            building: as in ``smooth``; ``finish`` lays the walk along its corridors, updates are as without.
 
         Raises:
             ConfigError: no such preset or key.
@@ -273,12 +281,12 @@ class OnlineSmoother:
         where = None if origin is None else Georeference(*origin)
         known = _places(anchors)
         known = None if known is None else on_logs_clock(known, LogClock(t0_s, math.inf))
-        self._told = Told(anchors=known, closed_walk=closed_walk, origin=where)
+        self._told = Told(anchors=known, closed_walk=closed_walk, origin=where, building=_building(building))
         asked = _configuration(config, "m5stickc", overrides)
         self._config = with_declination(asked, self._told.place, t0_s)
         if self._told.anchors is not None:
             self._told.anchors.require_possible()
-        self._walk = WalkInProgress(self._config, self._told.aids(t0_s))
+        self._walk = WalkInProgress(self._config, self._told.aids(t0_s, self._config.device.declination_deg))
         self._inputs = RunInputs.of(None, closed_walk=closed_walk, origin=where)
         self._reader: LiveReader | None = None
         self._pieces: list[SensorLog] = []
@@ -341,6 +349,10 @@ def _log_file(log: str | Path | SensorLog | LogFile | pd.DataFrame, inputs: RunI
 
 def _places(places: str | Path | Checkpoints | None) -> Checkpoints | None:
     return read_checkpoints(places) if isinstance(places, str | Path) else places
+
+
+def _building(building: str | Path | Building | None) -> Building | None:
+    return read_building(Path(building)) if isinstance(building, str | Path) else building
 
 
 def _configuration(config: str | Path | Config | None, preset: str, overrides: Sequence[str]) -> Config:

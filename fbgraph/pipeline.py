@@ -24,6 +24,7 @@ from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.baselines import baselines
 from fbgraph.estimators.batch_smoother import smooth, tie_way_back
+from fbgraph.estimators.building_axis import lay_along_axis
 from fbgraph.estimators.estimates import Smoothed
 from fbgraph.front_end.detect_steps import detect_steps
 from fbgraph.front_end.levelled_signals import LevelledSignals
@@ -52,6 +53,7 @@ def read_told(inputs: RunInputs) -> Told:
         anchors=None if inputs.anchors is None else read_checkpoints(inputs.anchors),
         closed_walk=inputs.closed_walk,
         origin=None if inputs.origin is None else Georeference(*inputs.origin),
+        building=inputs.building_told(),
     )
 
 
@@ -166,7 +168,7 @@ def reconstruct(
     Args:
         log: the walk.
         config: the effective configuration.
-        told: truth, anchors, a closed end, an origin.
+        told: truth, anchors, a closed end, an origin, a building.
         inputs: as in ``WalkResult``.
         progress: told each stage.
 
@@ -185,7 +187,7 @@ def reconstruct(
         yield
         seconds[name] = time.perf_counter() - start
 
-    aids = told.aids(log.t0_s)
+    aids = told.aids(log.t0_s, config.device.declination_deg)
     with stage("steps"):
         track, signals = detect_steps(log, config)
     with stage("baselines"):
@@ -197,6 +199,7 @@ def reconstruct(
         if config.returning.out_and_back:
             with stage("closures"):
                 smoothed, turned = tie_way_back(smoothed, track, compared["ekf"], config, aids)
+        smoothed = lay_along_axis(smoothed, track, aids, config.graph)
     except EstimationError as error:
         failed["smoothed"], smoothed = str(error), stand_in(compared["ekf"])
     result = compose(log, config, told, signals, track, smoothed, compared, failed)

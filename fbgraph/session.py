@@ -298,7 +298,7 @@ def replay_log(
     told = told or Told()
     require_anchors_within(log, told)
     config = with_declination(config, told.place, log.t0_s)
-    walk = WalkInProgress(config, told.aids(log.t0_s), recording, view)
+    walk = WalkInProgress(config, told.aids(log.t0_s, config.device.declination_deg), recording, view)
     fed_until_s = -np.inf
     for piece, until_s in cut_log(log, chunk_s, speed, stop):
         walk.feed(piece, on_update)
@@ -342,7 +342,7 @@ def follow_source(
     told = told or Told()
     config = live_declination(config, told)
     raw_path, cutter = place / RAW, LineCutter()
-    aids = Aids(closed_walk=told.closed_walk)
+    aids = replace(told, anchors=None).aids(0.0, config.device.declination_deg)
     estimates = _LiveEstimates(
         lambda: (LiveReader(place.name), WalkInProgress(config, aids, recording, view)), raw_path, tell
     )

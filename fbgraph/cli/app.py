@@ -121,6 +121,23 @@ UseGnssOption = Annotated[
     ),
 ]
 ClosedLoopOption = Annotated[bool, typer.Option("--closed-loop", help="The walk ends where it began.")]
+BuildingOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--building",
+        metavar="FILE.toml",
+        help="The building's axis and field, by `fbgraph learn-building`: the walk is laid along its corridors.",
+    ),
+]
+BuildingAxisOption = Annotated[
+    str | None,
+    typer.Option(
+        "--building-axis",
+        metavar="DEG[,SIGMA]",
+        help="The same by hand: heading of its corridors, clockwise from North, any of the four; known to 2° if no "
+        "SIGMA is given. Refused where the walk's legs contradict it. Example: --building-axis 70,2",
+    ),
+]
 OriginOption = Annotated[
     str | None, typer.Option("--origin", metavar="LAT,LON", help="Where on Earth the walk began, in degrees.")
 ]

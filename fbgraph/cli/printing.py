@@ -112,6 +112,10 @@ def print_summary(summary: dict[str, Any]) -> None:
         _print_return(summary["return"])
     if summary["declination"] is not None:
         say(summary["declination"]["text"])
+    if (summary["axis"] or {}).get("used"):
+        for finding in summary["findings"]:
+            if finding["kind"] == "axis":
+                say(finding["text"])
     for text in summary["warnings"]:
         say(f"note: {text}")
     verdict, *reasons = verdict_lines(Integrity.from_dict(summary.get("integrity")))

@@ -13,6 +13,8 @@ import typer
 from fbgraph.cli.app import (
     STOPPING,
     AnchorsOption,
+    BuildingAxisOption,
+    BuildingOption,
     ClosedLoopOption,
     ConfigOption,
     ForceOption,
@@ -57,6 +59,8 @@ def smooth(
     anchors: AnchorsOption = None,
     use_gnss: UseGnssOption = "none",
     closed_loop: ClosedLoopOption = False,
+    building: BuildingOption = None,
+    building_axis: BuildingAxisOption = None,
     origin: OriginOption = None,
     out_and_back: Annotated[
         bool,
@@ -77,7 +81,8 @@ def smooth(
     set_ = [*(set_ or ()), *(() if out_and_back else ["returning.out_and_back=false"])]
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss, layout, rate)
+    known = building, building_axis
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss, layout, rate, *known)
     with progress_bar() as progress:
         progress("read")
         walk, effective, told = read_walk(inputs, config, set_)
@@ -119,6 +124,8 @@ def online(
     anchors: AnchorsOption = None,
     use_gnss: UseGnssOption = "none",
     closed_loop: ClosedLoopOption = False,
+    building: BuildingOption = None,
+    building_axis: BuildingAxisOption = None,
     origin: OriginOption = None,
     return_at: ReturnAtOption = None,
     max_size: MaxSizeOption = None,
@@ -146,7 +153,8 @@ def online(
     load_config(config, set_)  # a wrong option is told before the walk begins
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss, layout, rate)
+    known = building, building_axis
+    inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss, layout, rate, *known)
     show, pace = _update_printer(follow, as_json), parse_speed(speed)
     stopping = stop_on_signals()
     if source is None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from typing import Any
 
+from fbgraph.core.building import Building, BuildingField
 from fbgraph.core.checkpoints import FASTEST_M_S, SLACK_M, Checkpoints
 from fbgraph.core.georeference import Georeference
 
@@ -31,6 +33,21 @@ class AnchorFrame:
 
 
 @dataclass(frozen=True)
+class WalkAxis:
+    """Which way the corridors of a building run in the frame of a walk, up to right angles.
+
+    Attributes:
+        yaw_rad: of any of them, counter-clockwise from East.
+        sigma_rad: its standard deviation.
+        field: what Earth's field usually is there; None if nobody knows.
+    """
+
+    yaw_rad: float
+    sigma_rad: float
+    field: BuildingField | None = None
+
+
+@dataclass(frozen=True)
 class Aids:
     """What an estimator may know besides the sensors.
 
@@ -38,11 +55,13 @@ class Aids:
         anchors: known places, ``t_s`` in seconds since log start; with them the result is in their frame.
         closed_walk: whether the walk ends where it began.
         frame: where the anchors' frame lies, as far as it is known; None before anchors are compared with a walk.
+        axis: of the building, if that was told.
     """
 
     anchors: Checkpoints | None = None
     closed_walk: bool = False
     frame: AnchorFrame | None = None
+    axis: WalkAxis | None = None
 
     @property
     def places_known(self) -> bool:
@@ -88,6 +107,7 @@ class Told:
         closed_walk: whether the walk ends where it began.
         origin: where on Earth the walk began.
         gnss: how the log's own fixes were used, which are among truth or anchors; None if it has none.
+        building: in which it was walked, if somebody said so.
     """
 
     truth: Checkpoints | None = None
@@ -95,6 +115,7 @@ class Told:
     closed_walk: bool = False
     origin: Georeference | None = None
     gnss: GnssUse | None = None
+    building: Building | None = None
 
     @property
     def place(self) -> Georeference | None:
@@ -102,6 +123,11 @@ class Told:
         if self.origin is not None:
             return self.origin
         return None if self.anchors is None else self.anchors.first
+
+    @property
+    def modes(self) -> tuple[bool, bool, bool]:
+        """Whether anchors, a closed end and a building's axis were named: what a score is labelled by."""
+        return self.anchors is not None, self.closed_walk, self.building is not None
 
     def disagreements(self, duration_s: float) -> list[str]:
         """Sentences on an origin, anchors and truth that lie further apart than a walk of this duration goes."""
@@ -116,10 +142,16 @@ class Told:
             if where.apart_m(its) > most_m
         ]
 
-    def aids(self, t0_s: float) -> Aids:
+    def aids(self, t0_s: float, declination_deg: float | None = None) -> Aids:
         """What an estimator gets of it.
 
         Args:
             t0_s: ``SensorLog.t0_s``, which brings seconds since log start to the event clock.
+            declination_deg: by which the walk's compass was turned to true North; None if it was not.
         """
-        return Aids(None if self.anchors is None else self.anchors.since(t0_s), self.closed_walk)
+        anchors = None if self.anchors is None else self.anchors.since(t0_s)
+        if self.building is None:
+            return Aids(anchors, self.closed_walk)
+        axis = self.building.axis
+        known = WalkAxis(axis.yaw_rad(declination_deg), math.radians(axis.sigma_deg), self.building.field)
+        return Aids(anchors, self.closed_walk, axis=known)

@@ -27,8 +27,10 @@ FACTOR_KINDS = (
     "anchor",
     "closure",
     "closed_walk",
+    "axis",
 )
-"""In the order of the table atop ``fbgraph.estimators.factor_graph``; priors on the origin are none of them."""
+"""In the order of the table atop ``fbgraph.estimators.factor_graph``, priors on the origin left out; ``axis`` is what
+legs have to say to ``fbgraph.estimators.building_axis``."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,28 @@ class DeviceErrors:
 
 
 @dataclass(frozen=True)
+class AxisFit:
+    """How a walk lies to the axis of its building.
+
+    Attributes:
+        used: whether it was turned to it.
+        turned_rad, sigma_rad: by how much, counter-clockwise, and how well that is known.
+        log_odds: logarithm of how much better that axis explains the straight legs than one that runs anywhere.
+        legs: how many there are.
+        along: how many of them lie along a corridor.
+        why: it was not used, in words; empty if it was.
+    """
+
+    used: bool = False
+    turned_rad: float = 0.0
+    sigma_rad: float = 0.0
+    log_odds: float = 0.0
+    legs: int = 0
+    along: int = 0
+    why: str = ""
+
+
+@dataclass(frozen=True)
 class Smoothed:
     """A smoothed walk and how the solver got there.
 
@@ -86,6 +110,7 @@ class Smoothed:
         aids: as they were used: anchors that contradict the walk with a wider sigma, and where their frame lies.
         doubts: why some of them are doubted.
         notes: what else they tell.
+        axis: how it lies to the axis of its building; None if nobody named one.
     """
 
     trajectory: Trajectory
@@ -97,6 +122,7 @@ class Smoothed:
     aids: Aids = field(default_factory=Aids)
     doubts: tuple[Reason, ...] = ()
     notes: tuple[str, ...] = ()
+    axis: AxisFit | None = None
 
     @property
     def closures_doubted(self) -> int:

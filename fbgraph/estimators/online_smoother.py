@@ -17,6 +17,7 @@ from fbgraph.core.geometry import wrap_scalar
 from fbgraph.core.sensor_log import Event, SensorLog
 from fbgraph.core.trajectory import Breadcrumb, Trajectory
 from fbgraph.estimators.batch_smoother import smooth, tie_way_back
+from fbgraph.estimators.building_axis import lay_along_axis
 from fbgraph.estimators.estimates import Belief, Smoothed, Update
 from fbgraph.estimators.factor_graph import GraphBuilder
 from fbgraph.estimators.gyroscope import gyro_turn
@@ -161,7 +162,7 @@ class OnlineSmoother:
         smoothed = smooth(track, known, config.graph, config.solver, self._aids, self._window.closures)
         if config.returning.out_and_back and not self._window.closures:
             smoothed, self.turn_back = tie_way_back(smoothed, track, known, config, self._aids)
-        return smoothed
+        return lay_along_axis(smoothed, track, self._aids, config.graph)
 
     def _require_steps(self) -> None:
         if not self._steps:

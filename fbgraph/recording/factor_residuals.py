@@ -73,5 +73,6 @@ def _kind_color(name: str) -> Rgba:
         "weather": (102, 194, 165),
         "standing_still": COLORS["truth"],
         "closure": COLORS["closure"],
+        "axis": COLORS["return"],
     }
     return colors.get(name, COLORS["anchor"])

@@ -249,7 +249,7 @@ def _legend(rrd: RrdWriter, frame: Frame, scores: dict[str, float], result: Walk
     for name, _ in ordered(result):
         text = LABELS[name]
         if name in scores:
-            label, _ = score_label(name, result.told.anchors is not None, result.told.closed_walk)
+            label, _ = score_label(name, *result.told.modes)
             text += f"{'' if label == 'unaided' else f' ({label})'}: {scores[name]:.1f} m RMSE"
         known.append((name, text))
     extras = (

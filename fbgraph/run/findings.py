@@ -27,7 +27,8 @@ def walk_findings(result: WalkResult) -> list[Finding]:
     """Everything worth telling of a walk, in order of time; of each kind the longest stretches only."""
     device = device_findings(result.smoothed.device, result.track)
     air = altitude_findings(result)
-    kinds = (_compass(result), _steps(result), _gaps(result), air, _places(result), _truth(result), device)
+    placed = _places(result), _axis(result), _truth(result)
+    kinds = (_compass(result), _steps(result), _gaps(result), air, *placed, device)
     chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
     return sorted([*_doubts(result), *chosen, *_worn(result), *_bias(result)], key=lambda finding: finding.start_s)
 
@@ -144,6 +145,20 @@ def _places(result: WalkResult) -> list[Finding]:
             text += "; doubted, the walk was pulled less than half as far as it asked"
         found.append(Finding(name.replace(" ", "_"), at_s, at_s, text))
     return found
+
+
+def _axis(result: WalkResult) -> list[Finding]:
+    """How the walk lies to the axis of its building, if it was turned to it."""
+    fit, t_s = result.smoothed.axis, result.track.t_s
+    if fit is None or not fit.used:
+        return []
+    side = "left" if fit.turned_rad > 0 else "right"
+    text = (
+        f"by the building's axis the walk is turned by {abs(np.degrees(fit.turned_rad)):.1f} ± "
+        f"{np.degrees(2.0 * fit.sigma_rad):.1f}° (2σ) to the {side} of where the compass puts it: "
+        f"{fit.along} of its {fit.legs} straight legs run along corridors"
+    )
+    return [Finding("axis", float(t_s[0]), float(t_s[-1]), text)]
 
 
 def _fixes(result: WalkResult, fixes: Checkpoints, weights: Mapping[int, float]) -> Finding:

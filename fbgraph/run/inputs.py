@@ -7,12 +7,14 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from fbgraph.core.building import Building
+from fbgraph.core.building_files import parse_building_axis, read_building
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.georeference import Georeference
 from fbgraph.core.gnss_fixes import require_gnss_use
 
 _PIPED = "piped"
-"""What of truth, anchors and layout was a pipe: a run without them would be another one."""
+"""What of truth, anchors, layout and building was a pipe: a run without them would be another one."""
 RATES_HZ = (0.1, 10_000.0)
 """Of samples, as ``--rate`` takes them."""
 
@@ -34,6 +36,8 @@ class RunInputs:
         use_gnss: which of the log's own fixes are anchors: one of ``gnss_fixes.GNSS_USES``.
         layout: path of the file that says what the columns of its tables are; None if that was found.
         rate_hz: of the samples, where the user said so.
+        building: path of what is known of the building.
+        building_axis: its axis as ``--building-axis`` takes it.
     """
 
     log: str | None = None
@@ -49,6 +53,8 @@ class RunInputs:
     use_gnss: str = "none"
     layout: str | None = None
     rate_hz: float | None = None
+    building: str | None = None
+    building_axis: str | None = None
 
     @staticmethod
     def of(
@@ -63,12 +69,19 @@ class RunInputs:
         use_gnss: str = "none",
         layout: Path | None = None,
         rate_hz: float | None = None,
+        building: Path | None = None,
+        building_axis: str | None = None,
     ) -> RunInputs:
         """What somebody named; paths are kept so that they hold from anywhere.
 
         Raises:
-            ConfigError: GNSS is to be used in a way that there is not, or beside other anchors; a rate that is none.
+            ConfigError: GNSS is to be used in a way that there is not, or beside other anchors; a rate or an axis that
+                is none, or an axis beside a building's own.
         """
+        if building_axis is not None:
+            parse_building_axis(building_axis)
+            if building is not None:
+                raise ConfigError("--building knows its axis: leave out --building-axis")
         if require_gnss_use(use_gnss) != "none" and anchors is not None:
             raise ConfigError("--use-gnss makes anchors of the log's fixes: leave out --anchors")
         if rate_hz is not None and not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
@@ -86,7 +99,19 @@ class RunInputs:
             use_gnss=use_gnss,
             layout=_lasting(layout),
             rate_hz=rate_hz,
+            building=_lasting(building),
+            building_axis=building_axis,
         )
+
+    def building_told(self) -> Building | None:
+        """What the user says of the building; None if nothing.
+
+        Raises:
+            ConfigError: a file that cannot be used, or an axis that is none.
+        """
+        if self.building is not None:
+            return read_building(Path(self.building))
+        return None if self.building_axis is None else parse_building_axis(self.building_axis)
 
     @staticmethod
     def from_summary(summary: Mapping[str, Any], run: Path) -> RunInputs:
@@ -113,7 +138,11 @@ class RunInputs:
     def as_dict(self) -> dict[str, Any]:
         """For ``summary.json``; what concerns replays only of a replay, and no path of what was a pipe."""
         noted = asdict(self)
-        piped = [name for name in ("log", "truth", "anchors", "layout") if noted[name] and _is_pipe(Path(noted[name]))]
+        piped = [
+            name
+            for name in ("log", "truth", "anchors", "layout", "building")
+            if noted[name] and _is_pipe(Path(noted[name]))
+        ]
         noted.update(dict.fromkeys(piped))
         if aids := [name for name in piped if name != "log"]:
             noted[_PIPED] = aids
@@ -123,7 +152,7 @@ class RunInputs:
             del noted["forced"]
         if self.use_gnss == "none":
             del noted["use_gnss"]
-        for name in ("layout", "rate_hz"):
+        for name in ("layout", "rate_hz", "building", "building_axis"):
             if noted[name] is None:
                 del noted[name]
         if self.origin is not None:

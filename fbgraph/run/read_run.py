@@ -264,6 +264,7 @@ def score_run(run: SavedRun, truth: Checkpoints) -> dict[str, Any]:
     log_s = (float(log["t0_s"]), float(log["t0_s"]) + float(log["duration_s"]))
     truth = on_its_clock(run, truth)
     for name, trajectory in run.trajectories.items():
-        label, alignment = score_label(name, bool(run.summary.get("anchors")), bool(run.summary.get("closed_walk")))
+        told = [bool(run.summary.get(aid)) for aid in ("anchors", "closed_walk", "axis")]
+        label, alignment = score_label(name, *told)
         scores[name] = score_entry(trajectory, truth, 0.0, label, alignment, log_s)
     return scores

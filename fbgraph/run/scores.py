@@ -11,13 +11,16 @@ from fbgraph.run.coverage import coverage
 from fbgraph.run.metrics import Alignment, fit_to_truth, score
 
 
-def score_label(name: str, anchored: bool, closed_walk: bool) -> tuple[str, Alignment]:
-    """How an estimator may fairly be scored: ``unaided``, ``closed`` or ``anchored``, and how it is aligned."""
-    if name == "smoothed" and anchored:
-        return "anchored", "none"  # already in the anchors' frame
-    if name == "smoothed" and closed_walk:
-        return "closed", "start"
-    return "unaided", "start"
+def score_label(name: str, anchored: bool, closed_walk: bool, axis: bool = False) -> tuple[str, Alignment]:
+    """How an estimator may fairly be scored, and how it is aligned.
+
+    ``unaided``, ``closed``, ``anchored`` or ``axis``; of a walk that was told a building's axis besides, both.
+    """
+    if name != "smoothed":
+        return "unaided", "start"
+    told = ["anchored"] if anchored else ["closed"] if closed_walk else []
+    told += ["axis"] if axis else []
+    return " + ".join(told) or "unaided", "none" if anchored else "start"  # anchors: already in their frame
 
 
 def score_entry(

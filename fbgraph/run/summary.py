@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
@@ -9,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from fbgraph import __version__
-from fbgraph.core.aids import Told
 from fbgraph.core.colors import LABELS
 from fbgraph.core.earth_field import declination_text
+from fbgraph.core.geometry import heading_deg
 from fbgraph.core.safe_text import MOST_NAME, for_markdown
 from fbgraph.core.verdict import MOST_TOLD, Integrity, verdict_lines
+from fbgraph.estimators.estimates import AxisFit
 from fbgraph.run.findings import walk_findings
 from fbgraph.run.scores import score_entry, score_label
 from fbgraph.run.walk_result import WalkResult
@@ -35,7 +37,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
             "turns": len(find_turns(trajectory)),
         }
         if result.told.truth is not None and len(result.told.truth) > 1:
-            label, alignment = score_label(name, result.told.anchors is not None, result.told.closed_walk)
+            label, alignment = score_label(name, *result.told.modes)
             entry["score"] = score_entry(trajectory, result.told.truth, log.t0_s, label, alignment, log.span_s)
         estimators[name] = entry
     final = smoothed.trajectory
@@ -67,7 +69,7 @@ def summarize(result: WalkResult) -> dict[str, Any]:
         "gyro_bias_deg_s": float(np.degrees(final.gyro_bias_rad_s[-1])),
         "rest_s": float(track.rest_s.sum()),
         "closed_walk": result.told.closed_walk,
-        **_places(result.told),
+        **_told(result),
         "return": return_entry(result),
         "estimators": estimators,
         "failed": dict(result.failed),
@@ -88,12 +90,14 @@ def summarize(result: WalkResult) -> dict[str, Any]:
     }
 
 
-def _places(told: Told) -> dict[str, Any]:
-    """Known places: how many anchors there were, what the truth was, and what became of the log's own fixes."""
+def _told(result: WalkResult) -> dict[str, Any]:
+    """How many anchors there were, what the truth was, what became of the log's own fixes and of a building's axis."""
+    told = result.told
     return {
         "anchors": 0 if told.anchors is None else len(told.anchors),
         "truth": None if told.truth is None else told.truth.label,
         "gnss": None if told.gnss is None else told.gnss.as_dict(),
+        "axis": axis_entry(result),
     }
 
 
@@ -101,6 +105,27 @@ def _declination(result: WalkResult) -> dict[str, Any] | None:
     """By how much the compass was turned to point to true North, and who says so; None if it was not."""
     text = declination_text(result.config) if len(result.log.mag) else None
     return None if text is None else {"deg": result.config.device.declination_deg, "text": text}
+
+
+def axis_entry(result: WalkResult) -> dict[str, Any] | None:
+    """What was said of the building's axis and what became of it; None if nobody said anything."""
+    building, fit = result.told.building, result.smoothed.axis
+    if building is None:
+        return None
+    fit = fit or AxisFit(why="the smoother gave no walk")
+    declination_deg = result.config.device.declination_deg
+    return {
+        "used": fit.used,
+        "why_not": fit.why or None,
+        "heading_deg": round(heading_deg(building.axis.yaw_rad(declination_deg)) % 90.0, 2),
+        "sigma_deg": building.axis.sigma_deg,
+        "north": "magnetic" if declination_deg is None else "true",
+        "turned_deg": math.degrees(fit.turned_rad),
+        "turned_sigma_deg": math.degrees(fit.sigma_rad) if fit.used else None,
+        "legs": fit.legs,
+        "legs_along": fit.along,
+        "log_odds": round(fit.log_odds, 3),
+    }
 
 
 def _finite(value: float) -> float | None:
@@ -133,6 +158,9 @@ def warnings(result: WalkResult) -> list[str]:
         for name, why in result.failed.items()
     ]
     found += [*log.notices, *result.smoothed.notes]
+    building, declination_deg = result.told.building, result.config.device.declination_deg
+    if building is not None and building.axis.north == "walk" and declination_deg is None:
+        found.append("the building's axis is counted from magnetic North: where the walk was nobody said (--origin)")
     compass = bool(np.isfinite(track.yaw_mag_rad).any())
     if result.told.truth is not None and len(result.told.truth) < 2:
         found.append("not scored: the truth has one checkpoint, and the walk is moved to agree with the first")
@@ -201,7 +229,7 @@ def _estimator_table(summary: dict[str, Any]) -> list[str]:
         "| estimator | ends East, North (m) | RMSE (m) | max (m) | last (m) | told of |",
         "|---|---|---|---|---|---|",
     ]
-    told = {"unaided": "nothing", "closed": "its end is its start", "anchored": "anchors"}
+    told = {"unaided": "nothing", "closed": "its end is its start", "anchored": "anchors", "axis": "the axis"}
     way_back = summary.get("return") or {}
     closures, doubted = way_back.get("closures", 0), way_back.get("closures_doubted", 0)
     let_go = f", {doubted} doubted" if doubted else ""
@@ -210,7 +238,8 @@ def _estimator_table(summary: dict[str, Any]) -> list[str]:
         row = f"| {LABELS[name]} | {x_m:.1f}, {y_m:.1f} |"
         if "score" in entry:
             s = entry["score"]
-            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {told[s['label']]}"
+            knew = " and ".join(told[one] for one in s["label"].split(" + "))
+            row += f" {s['rmse_m']:.2f} | {s['max_m']:.2f} | {s['final_m']:.2f} | {knew}"
             row += f"; found {closures} closures{let_go} |" if closures and name == "smoothed" else " |"
         else:
             row += " – | – | – | no truth |"

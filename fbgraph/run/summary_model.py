@@ -118,6 +118,12 @@ class _Inputs(_Noted):
     use_gnss: Literal["none", "start", "ends", "all"] = "none"
     layout: _Text | None = None
     rate_hz: Annotated[float, Field(ge=0.1, le=10_000.0)] | None = None
+    building: _Text | None = None
+    building_axis: _Text | None = None
+
+
+class _Axis(_Noted):
+    used: bool
 
 
 class NotedRun(_Noted):
@@ -131,6 +137,7 @@ class NotedRun(_Noted):
     altitude_range_m: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
     closed_walk: bool = False
     anchors: _Count = 0
+    axis: _Axis | None = None
     georeference: _Georeference | None = None
     declination: _Declination | None = None
     findings: list[_Finding] = []

@@ -69,7 +69,7 @@ class WalkResult:
     @property
     def aids(self) -> Aids:
         """What the smoother was told, its anchors in seconds since log start."""
-        return self.told.aids(self.log.t0_s)
+        return self.told.aids(self.log.t0_s, self.config.device.declination_deg)
 
     @property
     def expected_field(self) -> EarthField | None:

@@ -217,8 +217,11 @@ def test_how_each_estimator_may_be_scored() -> None:
     assert score_label("smoothed", True, True) == ("anchored", "none")
     assert score_label("smoothed", False, True) == ("closed", "start")
     assert score_label("smoothed", False, False) == ("unaided", "start")
+    assert score_label("smoothed", False, False, True) == ("axis", "start")
+    assert score_label("smoothed", False, True, True) == ("closed + axis", "start")
+    assert score_label("smoothed", True, True, True) == ("anchored + axis", "none")
     for name in ("pdr", "ekf", "online"):
-        assert score_label(name, True, True) == ("unaided", "start")
+        assert score_label(name, True, True, True) == ("unaided", "start")
 
 
 def test_a_score_is_written_with_the_best_fit_beside_it() -> None:

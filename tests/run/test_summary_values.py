@@ -83,6 +83,7 @@ STATE = {
     "anchors": 0,
     "truth": "truth.csv",
     "gnss": None,
+    "axis": None,
     "declination": None,
     "georeference": {"lat_deg": pytest.approx(49.0), "lon_deg": pytest.approx(11.0)},
     "inputs": {"log": "/logs/walk.csv"}
