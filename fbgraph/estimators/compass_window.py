@@ -10,7 +10,8 @@ whole window at every step.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import gtsam
@@ -44,7 +45,6 @@ class CompassWindow:
         self._heard: list[tuple[int, CompassReadings]] = []
         self._starts: list[int] = []  # breadcrumbs where a state begins
         self._jumps_ut: dict[int, FloatArray] = {}  # by such a breadcrumb: where the magnetometer was calibrated anew
-        self._begun = True  # whether the prior of the first stretch is still a factor of its own
         self._usual_ut = math.nan
         self._made_at = 0
         self.iron_ut: list[FloatArray] = []
@@ -73,7 +73,7 @@ class CompassWindow:
             values.insert(I(len(self._starts) - 1), self.iron_ut[-1] / UNIT_UT)
             graph.add(self._tie(len(self._starts) - 1))
         self._heard.append((k, reading))
-        for factor in self._factors([(k, reading)], [node.yaw_rad]):
+        for factor in self._factors([(k, reading)], [node.yaw_rad], self.iron_ut):
             graph.add(factor)
 
     def turned(self, first: int, steps: Sequence[Step]) -> None:
@@ -85,12 +85,11 @@ class CompassWindow:
 
     def state_of(self, k: int) -> int | None:
         """Which state of the iron a breadcrumb belongs to; None before the first reading."""
-        return max(int(np.searchsorted(self._starts, k, side="right")) - 1, 0) if self._starts else None
+        return bisect_right(self._starts, k) - 1 if self._starts and self._starts[0] <= k else None
 
-    def states(self, first: int) -> range:
-        """The states of the iron of the breadcrumbs from ``first`` on."""
-        begin = self.state_of(first)
-        return range(0) if begin is None else range(begin, len(self._starts))
+    def states(self, first: int, last: int) -> range:
+        """The states of the iron of the breadcrumbs from ``first`` to ``last``."""
+        return range(self.state_of(first) or 0, bisect_right(self._starts, last))
 
     def stale(self, k: int, iron_ut: FloatArray) -> bool:
         """Whether the factors were made for iron too far from the latest now; asked at breadcrumb ``k``."""
@@ -105,9 +104,15 @@ class CompassWindow:
     def moved(self, k: int, result: gtsam.Values, first: int) -> None:
         """Take the iron of an estimate over, at breadcrumb ``k``, in a window from ``first`` on."""
         self._made_at = k
-        for j in self.states(first):
+        self.iron_ut = self.estimated(result, first, k)
+
+    def estimated(self, result: gtsam.Values, first: int, last: int) -> list[FloatArray]:
+        """(3,) each, of every state: those of the breadcrumbs from ``first`` to ``last`` as estimated."""
+        iron_ut = self.iron_ut.copy()
+        for j in self.states(first, last):
             if result.exists(I(j)):
-                self.iron_ut[j] = UNIT_UT * result.atVector(I(j))
+                iron_ut[j] = UNIT_UT * result.atVector(I(j))
+        return iron_ut
 
     def recalibrated(self, starts: Sequence[int], jumps_ut: FloatArray, iron_ut: FloatArray) -> None:
         """The magnetometer's zero jumped before these breadcrumbs, some of which may be known, if at all.
@@ -130,28 +135,27 @@ class CompassWindow:
             self.iron_ut[at - 1] = before_ut
             self.iron_ut[at:] = [after_ut] * (len(self.iron_ut) - at)
 
-    def again(self, nodes: Sequence[Node], first: int, last: int) -> list[gtsam.NonlinearFactor]:
-        """All factors of the window's readings up to breadcrumb ``last``, and of its iron.
+    def again(
+        self, nodes: Mapping[int, Node] | Sequence[Node], first: int, last: int, iron_ut: Sequence[FloatArray]
+    ) -> list[gtsam.NonlinearFactor]:
+        """All factors of the readings after breadcrumb ``first`` up to ``last``, and of the iron's states meanwhile.
 
         Args:
-            nodes: of all breadcrumbs, as believed now.
-            first: where the window begins.
-            last: up to which.
+            nodes: of these breadcrumbs, as believed now.
+            first, last: which.
+            iron_ut: (3,) each, of every state, as believed now.
         """
-        asked = [(k, reading) for k, reading in self._heard if k <= last]
+        asked = [(k, reading) for k, reading in self._heard if first < k <= last]
         factors: list[gtsam.NonlinearFactor] = []
-        if self.iron_ut and self._begun:
-            factors.append(iron_factor(0, self.iron_ut[0], self._usual_ut, self._config))
-        for j in range(1, len(self._starts)):
-            if first < self._starts[j] <= last:
+        for j in range(bisect_right(self._starts, first), bisect_right(self._starts, last)):
+            if j:
                 factors.append(self._tie(j))
-                if self._starts[j] in self._jumps_ut:
-                    factors.append(iron_factor(j, self.iron_ut[j], self._usual_ut, self._config))
-        return factors + self._factors(asked, [nodes[k].yaw_rad for k, _ in asked])
+            if j == 0 or self._starts[j] in self._jumps_ut:
+                factors.append(iron_factor(j, iron_ut[j], self._usual_ut, self._config))
+        return factors + self._factors(asked, [nodes[k].yaw_rad for k, _ in asked], iron_ut)
 
     def forget(self, join: int) -> None:
         """Breadcrumbs up to ``join`` have left the window, their readings told to its prior."""
-        self._begun = False
         self._heard = [(k, reading) for k, reading in self._heard if k > join]
 
     def _tie(self, j: int) -> gtsam.BetweenFactorVector:
@@ -162,12 +166,12 @@ class CompassWindow:
         return recalibration_factor(j, jump_ut, self._config.sigma_iron_jump_ut)
 
     def _factors(
-        self, heard: Sequence[tuple[int, CompassReadings]], yaw_rad: Sequence[float]
+        self, heard: Sequence[tuple[int, CompassReadings]], yaw_rad: Sequence[float], made_ut: Sequence[FloatArray]
     ) -> list[gtsam.NonlinearFactor]:
         if not heard:
             return []
         k = np.array([k for k, _ in heard])
         stretch = np.maximum(np.searchsorted(self._starts, k, side="right") - 1, 0)
         readings = CompassReadings.concatenate([reading for _, reading in heard])
-        iron_ut = np.array([self.iron_ut[j] for j in stretch])
+        iron_ut = np.array([made_ut[j] for j in stretch])
         return list(compass_factors(k, readings, np.array(yaw_rad), stretch, iron_ut, self._config))

@@ -3,13 +3,12 @@
 iSAM2 (Kaess et al., IJRR 2012) keeps a Bayes tree whose every update costs time in its size, so a tree of a day's walk
 would be slow. It is kept to a window: when it has grown to twice ``window_steps``, the older half is eliminated
 into one prior on the breadcrumb where the newer half begins (exact, to first order), and its breadcrumbs stay as
-they were then.
+they were then (``window_move``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import gtsam
@@ -17,19 +16,18 @@ import numpy as np
 from gtsam.symbol_shorthand import B, D, I, X, Z
 
 from fbgraph.core.config import GraphConfig, OnlineConfig
-from fbgraph.core.errors import EstimationError
 from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.estimators.aid_factors import closure_factor, closure_prior
 from fbgraph.estimators.compass_factors import UNIT_UT
 from fbgraph.estimators.compass_window import CompassWindow
 from fbgraph.estimators.heading_chain import HeadingSolution
+from fbgraph.estimators.isam_tree import new_tree, solving
 from fbgraph.estimators.node import Node
+from fbgraph.estimators.window_move import ENTER, LEAVE, Known, Told, WindowMove, at_root
 from fbgraph.front_end.step_track import Step
 from fbgraph.way_back.records import Closure
 
-_KEEP = 1e6  # a relinearisation threshold that is never reached: positions and biases are linear given yaw
-_ANCHORED_M = 0.5  # but how far a robust anchor is believed depends on the place
-_AIRED_M = 0.2  # and how far a robust barometer is on the altitude
+_UNSETTLED = 50  # breadcrumbs that later steps may still turn
 
 
 class IsamWindow:
@@ -55,6 +53,8 @@ class IsamWindow:
         self._compass = CompassWindow(graph_config)  # but for the compass
         self._after_gaps: list[int] = []  # breadcrumbs before which the log was silent
         self._isam = self._new_isam()
+        self._past: gtsam.ISAM2 | None = None  # the tree before, which takes a while to be taken down
+        self._ahead: tuple[WindowMove, Known, int] | None = None  # a move that is begun: as known then, up to where
         self.first = 0
         self.nodes: list[Node] = []
         self.closures: list[Closure] = []
@@ -74,18 +74,21 @@ class IsamWindow:
         k = len(self.nodes)
         if not step.chained:
             self._after_gaps.append(k)
-            self._rebuild(self.first, self._isam.calculateBestEstimate())  # by QR from now on
+            self._rebuild(self._isam.calculateBestEstimate())  # by QR from now on
         self.nodes.append(node)
         self._graphs.append(graph)
         with_compass = gtsam.NonlinearFactorGraph(graph)
         self._compass.hear(k, step, node, with_compass, values)
-        with _solving(f"step {k}"):
+        with solving(f"step {k}"):
             self._isam.update(with_compass, values)
         self._latest()
+        self._past = None
         if len(self._graphs) >= 2 * self._config.window_steps:
             self._shorten()
         elif self._compass.iron_ut and self._compass.stale(k, self._iron()):
-            self._rebuild(self.first, self._taken_over())
+            self._rebuild(self._taken_over())
+        else:
+            self._prepare(k)
         return self.nodes[k]
 
     def _iron(self) -> FloatArray:
@@ -112,7 +115,7 @@ class IsamWindow:
             node = self.nodes[k]
             self.nodes[k] = replace(node, yaw_rad=node.yaw_rad + wrap_scalar(yaw_rad - node.yaw_rad))
         self._compass.recalibrated(starts.tolist(), heading.jumps_ut, heading.iron_ut)
-        self._rebuild(self.first, result)
+        self._rebuild(result)
 
     def _taken_over(self) -> gtsam.Values:
         """The window as solved now; breadcrumbs and iron are its from now on."""
@@ -130,14 +133,15 @@ class IsamWindow:
         graph = gtsam.NonlinearFactorGraph()
         graph.push_back(factor)
         self._graphs[k - self.first].push_back(factor)
-        with _solving("an anchor"):
+        self._let_through(k, k)
+        with solving("an anchor"):
             self._isam.update(graph, gtsam.Values())
         return self._latest()
 
     def _latest(self) -> Node:
         """The latest breadcrumb as solved."""
         k = len(self.nodes) - 1
-        with _solving(f"step {k}"):
+        with solving(f"step {k}"):
             pose, b = self._isam.calculateEstimatePose2(X(k)), self._isam.calculateEstimateVector(B(k))
             z_m, isobar_m = (self._isam.calculateEstimateDouble(key) for key in (Z(k), D(k)))
             solved = self.nodes[k] = _near(self.nodes[k].yaw_rad, pose, z_m, b, isobar_m)
@@ -163,7 +167,7 @@ class IsamWindow:
         values = gtsam.Values()
         for k, node in enumerate(self.nodes[self.first :], self.first):
             node.insert_into(values, k)
-        self._rebuild(self.first, values)
+        self._rebuild(values)
 
     def close(self, closures: Iterable[Closure]) -> None:
         """Add closures; where the earlier breadcrumb has left the window, it is fixed.
@@ -174,10 +178,11 @@ class IsamWindow:
         graph = gtsam.NonlinearFactorGraph()
         for closure in closures:
             self.closures.append(closure)
+            self._let_through(closure.i, closure.j)
             if closure.j >= self.first:
                 graph.push_back(self._closure_factor(closure, self.first))
         if graph.size():
-            with _solving("a closure"):
+            with solving("a closure"):
                 self._isam.update(graph, gtsam.Values())
 
     def refresh(self) -> Sequence[Node]:
@@ -208,122 +213,66 @@ class IsamWindow:
         fixed = self.nodes[closure.i]
         return closure_prior(closure, fixed.x_m, fixed.y_m, fixed.yaw_rad)
 
-    def _shorten(self) -> None:
-        """Eliminate the older half of the window into a prior on the breadcrumb where the newer half begins."""
-        result = self._taken_over()
-        join = len(self.nodes) - self._config.window_steps
-        split = join - self.first + 1  # factors that come with the join itself look back from it
-        prior = self._eliminated(self._graphs[:split], join, result)
-        self._graphs = [prior, *self._graphs[split:]]
-        self._compass.forget(join)
-        self._rebuild(join, result)
+    def _told(self) -> Told:
+        return Told(self.first, self._graphs, self._compass, self.closures, self._closure_factor)
 
-    def _rebuild(self, first: int, values: gtsam.Values) -> None:
-        """A new tree of the breadcrumbs from ``first`` on; ``values`` are the window's, and lose what lies before."""
-        graph = gtsam.NonlinearFactorGraph()
+    def _next_move(self) -> WindowMove:
+        join = self.first + self._config.window_steps
+        by_qr = any(self.first < k <= join for k in self._after_gaps)
+        return WindowMove(self.first, join, self._new_isam(), by_qr=by_qr)
+
+    def _prepare(self, k: int) -> None:
+        """Before the window moves, do a piece of what later steps hardly change any more; ``k`` is the latest."""
+        size = self._config.window_steps
+        left, settled = 2 * size - len(self._graphs), k - _UNSETTLED
+        if self._ahead is not None:
+            move, at, last = self._ahead
+            move.piece(self._told(), at, last)
+        elif left <= size // LEAVE + size // ENTER + 1 and settled >= self.first + LEAVE:
+            values = self._isam.calculateBestEstimate()
+            nodes = dict(enumerate(self._read(values), self.first))
+            at = Known(values, nodes, self._compass.estimated(values, self.first, k))
+            self._ahead = self._next_move(), at, settled
+
+    def _let_through(self, i: int, j: int) -> None:
+        """A factor between two breadcrumbs has come: a move that has done with them begins anew."""
+        if self._ahead is not None and not self._ahead[0].takes(i, j):
+            self._ahead = None
+
+    def _shorten(self) -> None:
+        """Move the window by half of it."""
+        values = self._taken_over()
+        at = Known(values, dict(enumerate(self.nodes[self.first :], self.first)), self._compass.iron_ut)
+        move = self._ahead[0] if self._ahead is not None else self._next_move()
+        move.finish(self._told(), at, len(self.nodes) - 1)
+        # factors that come with the join itself look back from it
+        self._graphs = [move.prior, *self._graphs[move.join - self.first + 1 :]]
+        self._compass.forget(move.join)
+        self.first, self._ahead = move.join, None
+        self._past, self._isam = self._isam, move.tree
+
+    def _rebuild(self, values: gtsam.Values) -> None:
+        """A new tree of the window's breadcrumbs at once, which are at ``values``."""
+        graph, last = gtsam.NonlinearFactorGraph(), len(self.nodes) - 1
         for part in self._graphs:
             graph.push_back(part)
-        for factor in self._compass.again(self.nodes, first, len(self.nodes) - 1):
+        for factor in self._compass.again(self.nodes, self.first, last, self._compass.iron_ut):
             graph.add(factor)
         for closure in self.closures:
-            if closure.j > first:
-                graph.push_back(self._closure_factor(closure, first))
-        for k in range(self.first, first):
-            for key in (X(k), Z(k), B(k), D(k)):
-                values.erase(key)
-        for j in self._compass.states(self.first):  # whichever of them the estimate knew
-            if values.exists(I(j)):
+            if closure.j > self.first:
+                graph.push_back(self._closure_factor(closure, self.first))
+        for j in self._compass.states(self.first, last):
+            if values.exists(I(j)):  # whichever of them the estimate knew
                 values.erase(I(j))
-        for j in self._compass.states(first):
             values.insert(I(j), self._compass.iron_ut[j] / UNIT_UT)
-        self.first = first
-        self._isam = self._new_isam()
-        # the next breadcrumb is tied to the last one: far from the root, the whole tree would be made once more
-        last, at_root = len(self.nodes) - 1, gtsam.KeyGroupMap()
-        for key in (X(last), Z(last), B(last), D(last), *map(I, self._compass.states(last))):
-            at_root.insert2(key, 1)
-        with _solving(f"step {last}"):
-            self._isam.update(graph, values, constrainedKeys=at_root)
-
-    def _eliminated(
-        self, graphs: Sequence[gtsam.NonlinearFactorGraph], join: int, result: gtsam.Values
-    ) -> gtsam.NonlinearFactorGraph:
-        """What these factors, and the closures among them, say of breadcrumb ``join`` once those before it are gone."""
-        older = gtsam.NonlinearFactorGraph()
-        for graph in graphs:
-            older.push_back(graph)
-        for closure in self.closures:
-            if self.first < closure.j <= join:
-                older.push_back(self._closure_factor(closure, self.first))
-        for factor in self._compass.again(self.nodes, self.first, join):
-            older.add(factor)
-        gone = gtsam.Ordering()
-        iron = self._compass.state_of(join)
-        states = [j for j in self._compass.states(self.first) if iron is not None and j < iron]
-        for k in range(self.first, join):
-            # a state of the iron after its breadcrumbs: before them it would tie them all together
-            while states and states[0] < (self._compass.state_of(k) or 0):
-                gone.push_back(I(states.pop(0)))
-            for key in (X(k), Z(k), B(k), D(k)):
-                gone.push_back(key)
-        for j in states:
-            gone.push_back(I(j))
-        if any(self.first < k <= join for k in self._after_gaps):
-            kept = {X(join): 3, Z(join): 1, B(join): 2, D(join): 1, **({} if iron is None else {I(iron): 3})}
-            return _eliminated_by_qr(older.linearize(result), gone, kept, result)
-        _, remaining = older.linearize(result).eliminatePartialSequential(gone)
-        prior = gtsam.NonlinearFactorGraph()
-        for i in range(remaining.size()):
-            prior.push_back(gtsam.LinearContainerFactor(remaining.at(i), result))
-        return prior
+        self._isam, self._ahead = self._new_isam(), None
+        with solving(f"step {last}"):
+            self._isam.update(graph, values, constrainedKeys=at_root(self._compass, last))
 
     def _new_isam(self) -> gtsam.ISAM2:
-        """Relinearises on yaw and altitude alone: positions and biases are linear given yaw."""
-        config, params = self._config, gtsam.ISAM2Params()
         # until its first anchor, and after a gap, the walk hangs on a thread that Cholesky cannot see
-        if self._places_known or self._after_gaps:
-            params.setFactorization("QR")
-        gauss_newton = gtsam.ISAM2GaussNewtonParams()
-        gauss_newton.setWildfireThreshold(config.wildfire)
-        params.setOptimizationParams(gauss_newton)
-        thresholds = gtsam.ISAM2ThresholdMap()
-        place = _ANCHORED_M if self._places_known else _KEEP
-        thresholds.insert(("x", np.array([place, place, config.relinearize_yaw_rad])))
-        thresholds.insert(("z", np.array([_AIRED_M])))
-        thresholds.insert(("b", np.array([_KEEP, _KEEP])))
-        thresholds.insert(("i", np.array([_KEEP, _KEEP, _KEEP])))
-        thresholds.insert(("d", np.array([_AIRED_M])))
-        params.setRelinearizeThreshold(thresholds)
-        params.relinearizeSkip = config.relinearize_skip
-        return gtsam.ISAM2(params)
-
-
-@contextmanager
-def _solving(where: str) -> Iterator[None]:
-    """Says where iSAM2 failed."""
-    try:
-        yield
-    except RuntimeError as error:
-        raise EstimationError(f"iSAM2 failed at {where}: {str(error).strip().splitlines()[0]}") from error
-
-
-def _eliminated_by_qr(
-    linear: gtsam.GaussianFactorGraph, gone: gtsam.Ordering, kept: dict[int, int], result: gtsam.Values
-) -> gtsam.NonlinearFactorGraph:
-    """What linear factors say of the states that are kept, of so many numbers each, by a dense QR decomposition."""
-    for key in kept:
-        gone.push_back(key)
-    a, b = linear.jacobian(gone)
-    size = sum(kept.values())
-    triangle = np.asarray(np.linalg.qr(np.column_stack((a, b)), mode="r"))
-    left = triangle[: a.shape[1]][-size:]
-    columns = np.split(left[:, -size - 1 : -1], np.cumsum([*kept.values()])[:-1], axis=1)
-    terms = list(zip(kept, columns, strict=True))
-    # the one class that takes any number of terms; a conditional of all of them is a factor on them
-    factor = gtsam.GaussianConditional(terms, len(terms), left[:, -1], gtsam.noiseModel.Unit.Create(size))
-    prior = gtsam.NonlinearFactorGraph()
-    prior.push_back(gtsam.LinearContainerFactor(gtsam.JacobianFactor(factor), result))
-    return prior
+        by_qr = self._places_known or bool(self._after_gaps)
+        return new_tree(self._config, by_qr=by_qr, places_known=self._places_known)
 
 
 def _near(yaw_rad: float, pose: gtsam.Pose2, z_m: float, gyroscope: FloatArray, isobar_m: float) -> Node:
