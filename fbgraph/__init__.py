@@ -72,6 +72,7 @@ ROOMS = (
     "pipeline",
     "inspection",
     "session",
+    "live",
     "reruns",
     "api",
     "cli",

@@ -144,7 +144,9 @@ OriginOption = Annotated[
 ReturnAtOption = Annotated[
     str | None,
     typer.Option(
-        "--return-at", metavar="SECONDS|auto|event", help="When the way back begins; directions from then on."
+        "--return-at",
+        metavar="SECONDS|auto|event[:NAME]",
+        help="When the way back begins; directions from then on. Example: --return-at event:button",
     ),
 ]
 MaxSizeOption = Annotated[

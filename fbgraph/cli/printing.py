@@ -40,12 +40,32 @@ def say_document(text: str, for_reading: bool) -> None:
 
 def complain(text: str) -> None:
     """Tell the user on stderr, in one line, what went wrong."""
+    show_status("")
     with suppress(OSError):  # nobody reads it
         print(f"fbgraph: {for_terminal(' '.join(text.split()))}", file=sys.stderr, flush=True)
 
 
+_status = [""]
+
+
+def show_status(text: str) -> None:
+    """Show a line on a terminal in place of the one before, nothing elsewhere; none if empty."""
+    if text == _status[0]:
+        return
+    with suppress(OSError):
+        if not sys.stderr.isatty():
+            return
+        import shutil
+
+        kept = for_terminal(text)[: max(shutil.get_terminal_size().columns - 1, 1)]
+        sys.stderr.write(f"\r\x1b[K{kept}")
+        sys.stderr.flush()
+        _status[0] = text
+
+
 def _write(data: bytes) -> None:
     """Write to stdout at once; who no longer reads it misses the rest, the work goes on."""
+    show_status("")
     try:
         sys.stdout.flush()
         sys.stdout.buffer.write(data)

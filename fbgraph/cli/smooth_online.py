@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,12 +32,11 @@ from fbgraph.cli.app import (
     app,
     require_rerun,
 )
-from fbgraph.cli.printing import complain, print_summary, progress_bar, say, say_json
+from fbgraph.cli.printing import print_summary, progress_bar, say, say_json
 from fbgraph.core.errors import ConfigError, EstimationError
 
 if TYPE_CHECKING:
     from fbgraph.core.config import Config
-    from fbgraph.estimators.estimates import Update
     from fbgraph.recording.live_view import LiveView
 
 
@@ -108,6 +106,16 @@ def online(
     resume: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Go on with an interrupted live walk (with --source).")
     ] = None,
+    finish: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="End an interrupted live walk, without its device.")
+    ] = None,
+    tell: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LINK",
+            help="Tell the way back in short lines: device (that sends), serial:PORT, udp:// or tcp://HOST:PORT.",
+        ),
+    ] = None,
     speed: Annotated[str, typer.Option(metavar="real|max|FACTOR", help="How fast to replay.")] = "max",
     chunk: Annotated[float, typer.Option(metavar="SECONDS", min=0.001, help="Replay in pieces this long.")] = 0.1,
     follow: Annotated[bool, typer.Option("--follow", help="Print a line at each step.")] = False,
@@ -135,29 +143,43 @@ def online(
 ) -> None:
     """The trajectory while walking: replay a log, or follow a live device. Ctrl-C ends the walk, not the data."""
     from fbgraph import session
+    from fbgraph.cli.live_walk import LiveOptions, record_live, require_live, update_printer
     from fbgraph.core.bounded import parse_size
     from fbgraph.core.config import load_config
     from fbgraph.core.georeference import parse_origin
-    from fbgraph.pipeline import read_told, read_walk, write_run
-    from fbgraph.readers.numbered_lines import in_order
-    from fbgraph.readers.sources import open_source
-    from fbgraph.run.folder import RAW, claimed_live, claimed_run
+    from fbgraph.pipeline import read_walk, write_run
+    from fbgraph.run.folder import claimed_run
     from fbgraph.run.inputs import RunInputs
 
-    folder = _online_folder(log, source, out, resume)
-    if resume is not None and (config is not None or set_):
+    folder = _online_folder(log, source, out, resume, finish)
+    if (resume or finish) is not None and (config is not None or set_):
         raise ConfigError("--resume goes on with the walk's own configuration: leave out --config and --set")
-    if source is not None:
+    if log is None:
         _require_live(anchors, use_gnss, layout, rate)
+    require_live(tell, source)
     set_ = [*(set_ or ()), *([f"returning.at={json.dumps(return_at)}"] if return_at is not None else ())]
     load_config(config, set_)  # a wrong option is told before the walk begins
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
     known = building, building_axis
     inputs = RunInputs.of(log, format_, truth, anchors, closed_loop, where, most, force, use_gnss, layout, rate, *known)
-    show, pace = _update_printer(follow, as_json), parse_speed(speed)
-    stopping = stop_on_signals()
-    if source is None:
+    show, pace = update_printer(follow, as_json), parse_speed(speed)
+    stopping = stop_on_signals(live=log is None)
+    if log is None:
+        option = "--resume" if finish is None else "--finish"
+        live = LiveOptions(source, (resume or finish) is not None, tell, return_at, option)
+        summary = record_live(
+            live,
+            folder,
+            inputs,
+            lambda: load_config(config or "m5stickc", set_),
+            lambda effective: _live_view(effective, view, connect),
+            show,
+            stopping,
+            not no_recording,
+            force,
+        )
+    else:
         walk, effective, told = read_walk(inputs, config, set_)
         with claimed_run(folder, (inputs, effective), force) as claim:
             result = session.replay_log(
@@ -168,25 +190,6 @@ def online(
                 speed=pace,
                 on_update=show,
                 stop=stopping,
-                recording=not no_recording,
-                view=_live_view(effective, view, connect),
-                inputs=inputs,
-            )
-            summary = write_run(result, claim, recording=not no_recording)
-    else:
-        with claimed_live(folder, resume is not None, force) as claim:
-            place = claim.place
-            told = read_told(inputs)
-            effective = session.resumed_config(place, return_at) if resume else load_config(config or "m5stickc", set_)
-            effective = session.live_declination(effective, told)
-            result = session.follow_source(
-                in_order(open_source(source, stopping, complain), place / RAW, complain),
-                place,
-                effective,
-                told,
-                on_update=show,
-                tell=complain,
-                resume=resume is not None,
                 recording=not no_recording,
                 view=_live_view(effective, view, connect),
                 inputs=inputs,
@@ -225,12 +228,18 @@ def _require_live(anchors: Path | None, use_gnss: str, layout: Path | None, rate
         raise ConfigError("--layout and --rate need a LOG: a device's lines are read by what they name and show")
 
 
-def _online_folder(log: Path | None, source: str | None, out: Path | None, resume: Path | None) -> Path:
+def _online_folder(
+    log: Path | None, source: str | None, out: Path | None, resume: Path | None, finish: Path | None
+) -> Path:
     """Where the walk is kept.
 
     Raises:
         ConfigError: these options do not go together.
     """
+    if finish is not None:
+        if (log, source, resume) != (None, None, None) or out not in (None, finish):
+            raise ConfigError("--finish DIR ends the walk that is kept there: leave out LOG, --source, --resume, --out")
+        return finish
     if (log is None) == (source is None):
         raise ConfigError("name either a LOG to replay or a --source to follow")
     if resume is not None and source is None:
@@ -272,8 +281,12 @@ def parse_speed(text: str) -> float:
     return factor
 
 
-def stop_on_signals() -> Callable[[], bool]:
-    """Whether a signal came that ends the walk; a second one ends the command at once."""
+def stop_on_signals(live: bool = False) -> Callable[[], bool]:
+    """Whether a signal came that ends the walk; a second one ends the command at once.
+
+    Args:
+        live: whether a recording goes on when its terminal goes away.
+    """
     import signal
 
     came: list[int] = []
@@ -286,32 +299,6 @@ def stop_on_signals() -> Callable[[], bool]:
 
     for number in STOPPING:
         signal.signal(number, note)
+    if live:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     return lambda: bool(came)
-
-
-def _update_printer(follow: bool, as_json: bool) -> Callable[[Update], None]:
-    told: list[str] = []
-
-    def doubted(update: Update) -> str:
-        """That the position is doubtful; why, when that is new."""
-        if told[-1:] == [update.caution]:
-            return "position doubtful"
-        told.append(str(update.caution))
-        return f"position doubtful: {update.caution}"
-
-    def show(update: Update) -> None:
-        if as_json:
-            fields = asdict(update)
-            fields = {key: value for key, value in fields.items() if value is not None}
-            say_json(fields, indent=None)
-        elif follow:
-            from fbgraph.core.geometry import heading_deg
-
-            say(
-                f"{update.t_s:8.2f} s  step {update.k:5d}  x {update.x_m:8.2f}  y {update.y_m:8.2f}  "
-                f"z {update.z_m:6.2f} m  heading {heading_deg(update.yaw_rad):3.0f}°  {update.distance_m:7.1f} m"
-                + (f"  {update.returning.instruction}" if update.returning else "")
-                + (f"  {doubted(update)}" if update.caution else "")
-            )
-
-    return show

@@ -274,7 +274,7 @@ class ReturnConfig(Section):
     """The way back: when it begins, and how it is matched to the way out."""
 
     at: str = "never"
-    """When the way back begins: never, auto (it is noticed), event (a button's) or seconds since log start."""
+    """When the way back begins: never, auto (it is noticed), event, event:NAME (a button's) or seconds since start."""
     out_and_back: bool = True
     """Of a whole log: look for a turn-back and tie the way back to the way out."""
     retraced_m: Positive = 12.0
@@ -313,13 +313,13 @@ class ReturnConfig(Section):
     @classmethod
     def _when(cls, value: object) -> str:
         text = str(value).strip()
-        if text not in ("never", "auto", "event"):
+        if text not in ("never", "auto", "event") and not (text.startswith("event:") and text[6:].strip()):
             try:
                 seconds = float(text)
             except ValueError:
                 seconds = math.nan
             if not 0.0 <= seconds < math.inf:
-                raise ValueError("expected never, auto, event or seconds since log start (--return-at)")
+                raise ValueError("expected never, auto, event, event:NAME or seconds since log start (--return-at)")
         return text
 
 

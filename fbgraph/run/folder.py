@@ -79,13 +79,14 @@ def claimed_run(out: Path, made_by: tuple[RunInputs, Config] | None = None, forc
 
 
 @contextmanager
-def claimed_live(out: Path, resume: bool, force: bool = False) -> Iterator[RunClaim]:
+def claimed_live(out: Path, resume: bool, force: bool = False, option: str = "--resume") -> Iterator[RunClaim]:
     """Hold the place of a live walk, whose raw lines are kept there from its first byte on.
 
     Args:
         out: the run folder.
         resume: go on with the walk that is there; else nothing may be there but an empty one.
         force: let a finished run go; never a live walk.
+        option: by which the walk to go on with was named.
 
     Raises:
         ConfigError: as ``claimed_run``; a finished run is there; nothing is there to resume.
@@ -98,7 +99,9 @@ def claimed_live(out: Path, resume: bool, force: bool = False) -> Iterator[RunCl
         if resume:
             finished_elsewhere = (place / SUMMARY).is_file() and not (place / RAW).is_file()
             if finished_elsewhere or not (place / "config.toml").is_file():
-                raise ConfigError(f"--resume {out}: no {RAW} and config.toml there, so no walk to go on with")
+                raise ConfigError(f"{option} {out}: no {RAW} and config.toml there, so no walk to go on with")
+            if (place / SUMMARY).is_file():
+                raise ConfigError(f"{option} {out}: that walk was finished; begin another with --out")
             (place / RAW).touch()  # of a walk that was killed before its first byte
         else:
             require_replaceable(place, None, force)

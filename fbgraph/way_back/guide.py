@@ -39,12 +39,15 @@ class ReturnGuide:
         """A guide for one walk.
 
         Args:
-            config: ``config.returning.at`` says when the way back begins: never, auto, event or a time.
+            config: ``config.returning.at`` says when the way back begins: never, auto, event, event:NAME or a
+                time.
         """
         self._config = config.returning
         self._length = config.step_length
         at = config.returning.at
-        self._mode = at if at in ("never", "auto", "event") else "time"
+        mode, _, name = at.partition(":")
+        self._mode = mode if mode in ("never", "auto", "event") else "time"
+        self._named = name.split()
         self._at_s = float(at) if self._mode == "time" else math.inf
         self._detector = TurnBackDetector(self._config.retraced_m, self._config.apart_m)
         self._events_s: list[float] = []
@@ -63,7 +66,8 @@ class ReturnGuide:
     def note(self, events: Iterable[Event]) -> None:
         """Take events of the log, not later than the steps that come after them."""
         if self._mode == "event":
-            self._events_s.extend(event.t_s for event in events)
+            named = self._named
+            self._events_s.extend(e.t_s for e in events if not named or all(word in e.label.split() for word in named))
 
     def advance(
         self, update: Breadcrumb, step: Step, estimate: Callable[[], Trajectory]
@@ -92,7 +96,9 @@ class ReturnGuide:
         if self._mode == "never" or self.turn_back is not None:
             return []
         if self._mode == "event":
-            return ["--return-at event: the log has no event after walking began, so there was no way back to guide"]
+            named = f" named {' '.join(self._named)}" if self._named else ""
+            found = f"the log has no event{named} after walking began"
+            return [f"--return-at event: {found}, so there was no way back to guide"]
         if self._mode == "auto":
             return ["--return-at auto: no turn-back was noticed, so there was no way back to guide"]
         last_s = f"{self._steps[-1].t_s:.1f} s" if self._steps else "never"

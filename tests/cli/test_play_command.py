@@ -1,5 +1,6 @@
 """``fbgraph play`` beside ``fbgraph online``."""
 
+import signal
 import socket
 import subprocess
 import sys
@@ -21,14 +22,23 @@ def test_a_walk_without_hardware(device_lines: list[str], tmp_path: Path) -> Non
     log, live, port = tmp_path / "walk.csv", tmp_path / "live", free_port()
     device_lines = device_lines[:2500]
     log.write_text("".join(device_lines))
-    command = [sys.executable, "-m", "fbgraph", "online", "--source", f"tcp://:{port}", "--out", str(live)]
+    command = [sys.executable, "-m", "fbgraph", "online", "--source", f"tcp://:{port}", "--out", str(live), "--follow"]
     with subprocess.Popen([*command, "--no-recording"], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as online:
+        assert online.stderr is not None
+        assert online.stdout is not None
+        waits = online.stderr.readline().decode()
+        assert (
+            f"listening on tcp://127.0.0.1:{port} of this machine; for other devices: --source tcp://0.0.0.0" in waits
+        )
+        online.send_signal(signal.SIGHUP)  # its terminal goes away,
+        online.stdout.close()  # and who read what it prints
         played = fbgraph("play", log, "--to", f"tcp://:{port}", "--number", "--lose", "0.1", "--speed", "60")
-        _, err = online.communicate(timeout=60)
-        assert online.returncode == 0, err.decode()
+        err = online.stderr.read()
+        assert online.wait(60) == 0, err.decode()
     rows, lost = (int(part.split()[0]) for part in played.stdout.split(", ")[:2])
     assert rows == len(device_lines) - 1
     assert 0.08 * rows < lost < 0.12 * rows
+    assert "the first line came after" in err.decode()
     assert f"{lost} lines came when they were asked for again" in err.decode()
     assert (live / "raw.csv").read_text().count("\n") == len(device_lines) + 2
     fbgraph("smooth", log, "--out", tmp_path / "run", "--no-recording")

@@ -3,11 +3,13 @@
 import csv
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support.commands import fbgraph, fbgraph_process
 
+from fbgraph.core.sensor_log import Event
 from fbgraph.core.tum_files import read_tum
 from fbgraph.run.folder import RETURN_HEADER
 from fbgraph.simulator.files import write_m5stickc_csv
@@ -61,6 +63,49 @@ def test_a_resumed_walk_is_told_the_same_way_back(walk: SimulatedWalk, tmp_path:
     live = ("--source", "stdin")
     online(*live, "--out", whole, "--return-at", "auto", stdin="".join(lines))
     cut = int(0.8 * len(lines))
-    online(*live, "--out", part, "--return-at", "auto", stdin="".join(lines[:cut]))
+    broken_off(part, whole, lines[:cut])
     online(*live, "--resume", part, stdin="".join(lines[cut:]))
     assert (part / "return.csv").read_text() == (whole / "return.csv").read_text()
+    again = online(*live, "--resume", part, code=2)
+    assert "that walk was finished" in again.stderr
+
+
+def broken_off(place: Path, like: Path, lines: list[str]) -> None:
+    """What a crash leaves of a live walk that began as another did."""
+    place.mkdir()
+    (place / "config.toml").write_bytes((like / "config.toml").read_bytes())
+    (place / "raw.csv").write_text("".join(lines))
+
+
+def test_a_walk_that_crashed_is_finished_without_its_device(walk: SimulatedWalk, tmp_path: Path) -> None:
+    """And a replay lets no live walk go; the event that begins the way back has a name."""
+    log = tmp_path / "walk.csv"
+    write_m5stickc_csv(replace(walk.log, events=(Event(20.0, "mark"), Event(46.0, "button"))), log)
+    text = log.read_text().splitlines(keepends=True)
+    broken = len(text) * 8 // 10
+    whole, part = tmp_path / "whole", tmp_path / "part"
+    told = online(log, "--return-at", "event:button", "--out", whole, "--follow").stdout.splitlines()
+    assert json.loads((whole / "summary.json").read_text())["return"]["arrived_t_s"] is not None
+    steps = [line for line in told if line.startswith(" ")]
+    assert max(map(len, steps)) <= 60
+    assert any(line.startswith("you are back at the start, ") for line in told)
+    assert any("m left  [step" in line for line in told)
+    broken_off(part, whole, text[:broken])
+    refused = online(log, "--out", part, "--force", code=2)
+    assert "holds raw.csv, the only copy of a live walk" in refused.stderr
+    assert [path.name for path in sorted(part.iterdir())] == ["config.toml", "raw.csv"]
+    both = online("--finish", part, "--source", "stdin", code=2)
+    assert "leave out LOG, --source" in both.stderr
+    finished = online("--finish", part)
+    assert f"written to {part}" in finished.stdout
+    assert (part / "raw.csv").read_text() == "".join(text[:broken])
+    assert "that walk was finished" in online("--finish", part, code=2).stderr
+    assert online(log, "--tell", "udp://:9", code=2).stderr.count("--source") == 1
+
+
+def test_another_event_begins_no_way_back(walk: SimulatedWalk, tmp_path: Path) -> None:
+    log = tmp_path / "walk.csv"
+    write_m5stickc_csv(walk.log.between(0.0, 30.0), log)
+    done = online(log, "--return-at", "event:button", "--out", tmp_path / "run")
+    assert "no event named button after walking began" in " ".join(done.stdout.split())
+    assert "event:NAME" in online(log, "--return-at", "event:", "--out", tmp_path / "run", code=2).stderr

@@ -200,6 +200,14 @@ def test_only_a_live_walk_is_gone_on_with(tmp_path: Path) -> None:
     (place / "config.toml").write_text("")
     with claimed_live(place, resume=True) as claim:
         assert (claim.place / RAW).read_text() == "lines"
+    (place / "summary.json").write_text("{}")
+    for option in ("--resume", "--finish"):
+        with (
+            pytest.raises(ConfigError, match=rf"{option} .*live: that walk was finished; begin another with --out"),
+            claimed_live(place, resume=True, option=option),
+        ):
+            raise AssertionError
+    (place / "summary.json").unlink()
     (place / RAW).unlink()  # killed before its first byte
     with claimed_live(place, resume=True) as claim:
         assert (claim.place / RAW).read_text() == ""
