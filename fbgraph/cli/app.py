@@ -6,7 +6,7 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
@@ -176,6 +176,44 @@ def require_rerun() -> None:
 
     if find_spec("rerun") is None:
         raise ConfigError("rerun-sdk is not installed; `pip install rerun-sdk` brings recordings and the viewer")
+
+
+def parse_speed(text: str) -> float:
+    """How many times as fast as measured; infinity for ``max``.
+
+    Raises:
+        ConfigError: not such a text.
+    """
+    if text in ("real", "max"):
+        return 1.0 if text == "real" else float("inf")
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not factor > 0:
+        raise ConfigError(f"--speed {text}: expected real, max or a positive factor")
+    return factor
+
+
+def stop_on_signals(live: bool = False) -> Callable[[], bool]:
+    """Whether a signal came that ends the walk; a second one ends the command at once.
+
+    Args:
+        live: whether a recording goes on when its terminal goes away.
+    """
+    came: list[int] = []
+    before = {number: signal.getsignal(number) for number in STOPPING}
+
+    def note(number: int, _frame: object) -> None:
+        came.append(number)
+        for one, handler in before.items():
+            signal.signal(one, handler)
+
+    for number in STOPPING:
+        signal.signal(number, note)
+    if live:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    return lambda: bool(came)
 
 
 def main() -> None:

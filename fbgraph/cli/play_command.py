@@ -6,9 +6,17 @@ from typing import Annotated
 
 import typer
 
-from fbgraph.cli.app import FormatOption, LayoutOption, LogArgument, MaxSizeOption, RateOption, app
+from fbgraph.cli.app import (
+    FormatOption,
+    LayoutOption,
+    LogArgument,
+    MaxSizeOption,
+    RateOption,
+    app,
+    parse_speed,
+    stop_on_signals,
+)
 from fbgraph.cli.printing import complain, say
-from fbgraph.cli.smooth_online import parse_speed, stop_on_signals
 
 
 @app.command(

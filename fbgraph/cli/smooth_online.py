@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fbgraph.cli.app import (
-    STOPPING,
     AnchorsOption,
     BuildingAxisOption,
     BuildingOption,
@@ -30,7 +28,9 @@ from fbgraph.cli.app import (
     TruthOption,
     UseGnssOption,
     app,
+    parse_speed,
     require_rerun,
+    stop_on_signals,
 )
 from fbgraph.cli.printing import print_summary, progress_bar, say, say_json
 from fbgraph.core.errors import ConfigError, EstimationError
@@ -262,43 +262,3 @@ def _live_view(config: Config, view: bool, url: str | None) -> LiveView | None:
     from fbgraph.recording.live_view import LiveView
 
     return LiveView(config, url)
-
-
-def parse_speed(text: str) -> float:
-    """How many times as fast as measured; infinity for ``max``.
-
-    Raises:
-        ConfigError: not such a text.
-    """
-    if text in ("real", "max"):
-        return 1.0 if text == "real" else float("inf")
-    try:
-        factor = float(text)
-    except ValueError:
-        factor = 0.0
-    if not factor > 0:
-        raise ConfigError(f"--speed {text}: expected real, max or a positive factor")
-    return factor
-
-
-def stop_on_signals(live: bool = False) -> Callable[[], bool]:
-    """Whether a signal came that ends the walk; a second one ends the command at once.
-
-    Args:
-        live: whether a recording goes on when its terminal goes away.
-    """
-    import signal
-
-    came: list[int] = []
-    before = {number: signal.getsignal(number) for number in STOPPING}
-
-    def note(number: int, _frame: object) -> None:
-        came.append(number)
-        for one, handler in before.items():
-            signal.signal(one, handler)
-
-    for number in STOPPING:
-        signal.signal(number, note)
-    if live:
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    return lambda: bool(came)
