@@ -9,11 +9,13 @@
 #include <fcntl.h>
 #include <limits.h>
 #include <signal.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/uio.h>
 #include <unistd.h>
 
 static int calls;
@@ -95,4 +97,63 @@ int mkdir(const char *path, mode_t mode) {
     REAL(int, "mkdir", const char *, mode_t);
     if (below(path) && fails("mkdir", path)) return -1;
     return real(path, mode);
+}
+
+ssize_t writev(int fd, const struct iovec *parts, int count) {
+    REAL(ssize_t, "writev", int, const struct iovec *, int);
+    char path[PATH_MAX];
+    if (below_fd(fd, path) && fails("writev", path)) return -1;
+    return real(fd, parts, count);
+}
+
+ssize_t pwrite64(int fd, const void *data, size_t size, off64_t at) {
+    REAL(ssize_t, "pwrite64", int, const void *, size_t, off64_t);
+    char path[PATH_MAX];
+    if (below_fd(fd, path) && fails("pwrite64", path)) return -1;
+    return real(fd, data, size, at);
+}
+
+int fdatasync(int fd) {
+    REAL(int, "fdatasync", int);
+    char path[PATH_MAX];
+    if (below_fd(fd, path) && fails("fdatasync", path)) return -1;
+    return real(fd);
+}
+
+int ftruncate64(int fd, off64_t size) {
+    REAL(int, "ftruncate64", int, off64_t);
+    char path[PATH_MAX];
+    if (below_fd(fd, path) && fails("ftruncate64", path)) return -1;
+    return real(fd, size);
+}
+
+/* only what makes a file */
+int open64(const char *path, int flags, ...) {
+    REAL(int, "open64", const char *, int, ...);
+    va_list rest;
+    va_start(rest, flags);
+    mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(rest, mode_t) : 0;
+    va_end(rest);
+    if (flags & O_CREAT && below(path) && fails("open64", path)) return -1;
+    return real(path, flags, mode);
+}
+
+int unlink(const char *path) {
+    REAL(int, "unlink", const char *);
+    if (below(path) && fails("unlink", path)) return -1;
+    return real(path);
+}
+
+int rmdir(const char *path) {
+    REAL(int, "rmdir", const char *);
+    if (below(path) && fails("rmdir", path)) return -1;
+    return real(path);
+}
+
+/* how shutil.rmtree removes */
+int unlinkat(int at, const char *path, int flags) {
+    REAL(int, "unlinkat", int, const char *, int);
+    char folder[PATH_MAX];
+    if (below_fd(at, folder) && fails("unlinkat", folder)) return -1;
+    return real(at, path, flags);
 }

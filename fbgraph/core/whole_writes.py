@@ -14,8 +14,8 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from fbgraph.core.errors import ConfigError
@@ -69,7 +69,8 @@ def locked(place: Path, make_parents: bool = True) -> Iterator[Path]:
         _clear_leftovers(place)
         yield place
     finally:
-        lock.unlink(missing_ok=True)
+        with suppress(OSError):  # who comes next finds that nobody holds it
+            lock.unlink()
         os.close(descriptor)
 
 
@@ -112,16 +113,44 @@ def whole_file(path: Path, make_parents: bool = False) -> Iterator[Path]:
     Raises:
         ConfigError: the file cannot be written, or another process is writing it.
     """
-    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe, a terminal
-        with _told(path):
-            yield path
-        return
-    with locked(path, make_parents) as place, _beside(place) as folder, _told(path):
-        partial = folder / place.name
+    with whole_files((path,), make_parents) as (partial,):
         yield partial
-        _sync(partial)
-        partial.replace(place)
-        _sync(place.parent)
+
+
+@contextmanager
+def whole_files(paths: Sequence[Path], make_parents: bool = False) -> Iterator[tuple[Path, ...]]:
+    """As ``whole_file``, of a file and others that belong to it.
+
+    Those others are gone before it is replaced and there after it, so that never one of the old stands beside one of
+    the new.
+
+    Args:
+        paths: the files to be; what belongs to the first comes after it.
+        make_parents: as in ``whole_file``.
+
+    Raises:
+        ConfigError: as in ``whole_file``.
+    """
+    with ExitStack() as held:
+        moves = []
+        for path in paths:
+            if path.exists() and not path.is_file() and not path.is_dir():  # a pipe, a terminal
+                moves.append((path, path))
+            else:
+                place = held.enter_context(locked(path, make_parents))
+                moves.append((held.enter_context(_beside(place)) / place.name, place))
+        held.enter_context(_told(paths[0]))
+        yield tuple(partial for partial, _ in moves)
+        moves = [(partial, place) for partial, place in moves if partial != place]
+        for partial, _ in moves:
+            _sync(partial)
+        for _, place in moves[1:]:
+            if place.exists():
+                place.unlink()
+                _sync(place.parent)
+        for partial, place in moves:
+            partial.replace(place)
+            _sync(place.parent)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from fbgraph.core.errors import ConfigError
 from fbgraph.core.geometry import IntArray
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
-from fbgraph.core.whole_writes import whole_file
+from fbgraph.core.whole_writes import whole_files
 
 _COLUMNS = {"acc": (1, STANDARD_GRAVITY_M_S2), "gyro": (4, DEGREE_RAD), "mag": (7, 1.0), "pressure": (10, 1.0)}
 _MS_NS = 1_000_000
@@ -48,15 +48,15 @@ def convert_log(log: SensorLog, truth: Checkpoints | None, preset: str, out: Pat
     Raises:
         ConfigError: one of them is there already, or cannot be written.
     """
-    files = [out] if truth is None or not len(truth) else [out, out.with_name(f"{out.stem}_truth.csv")]
+    places = None if truth is None or not len(truth) else truth
+    files = [out] if places is None else [out, out.with_name(f"{out.stem}_truth.csv")]
     for path in files:
         if path.exists() and not force:
             raise ConfigError(f"{path}: is there already; --force replaces it")
-    with whole_file(out, make_parents=True) as partial:
-        write_canonical_csv(log, partial, _NOTED.format(format=log.format, preset=preset))
-    if truth is not None and len(files) > 1:
-        with whole_file(files[1], make_parents=True) as partial:
-            write_places_csv(truth, partial)
+    with whole_files(files, make_parents=True) as (log_to_be, *truth_to_be):
+        write_canonical_csv(log, log_to_be, _NOTED.format(format=log.format, preset=preset))
+        if places is not None:
+            write_places_csv(places, *truth_to_be)
     return files
 
 

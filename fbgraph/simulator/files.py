@@ -12,7 +12,7 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
-from fbgraph.core.whole_writes import whole_file
+from fbgraph.core.whole_writes import whole_files
 from fbgraph.simulator.routes import Route
 from fbgraph.simulator.simulate import SimulatedWalk, simulate
 from fbgraph.simulator.simulate_options import SimulateOptions
@@ -89,10 +89,9 @@ def simulate_files(out: Path, route: Route, options: SimulateOptions, seed: int)
     """
     walk = simulate(route, options, seed)
     truth = out.with_name(f"{out.stem}_truth.csv")
-    with whole_file(out, make_parents=True) as partial:
-        write_m5stickc_csv(walk.log, partial)
-    with whole_file(truth, make_parents=True) as partial:
-        write_truth_csv(walk, partial)
+    with whole_files((out, truth), make_parents=True) as (log_to_be, truth_to_be):
+        write_m5stickc_csv(walk.log, log_to_be)
+        write_truth_csv(walk, truth_to_be)
     return {
         "log": str(out),
         "truth": str(truth),

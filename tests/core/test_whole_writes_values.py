@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fbgraph.core.errors import ConfigError
-from fbgraph.core.whole_writes import is_leftover, locked, real_place, whole_file, whole_folder
+from fbgraph.core.whole_writes import is_leftover, locked, real_place, whole_file, whole_files, whole_folder
 
 
 class BreakOffError(Exception):
@@ -34,6 +34,50 @@ def test_a_file_that_is_not_finished_leaves_the_old_one(tmp_path: Path) -> None:
     with pytest.raises(BreakOffError), whole_file(path) as partial:
         break_off(partial)
     assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_belongs_to_a_file_never_stands_beside_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walk and truth, at every instant: both old, the old or new walk alone, both new."""
+    walk, truth = tmp_path / "walk.csv", tmp_path / "truth.csv"
+    seen: list[list[str]] = []
+
+    def look(path: Path) -> None:
+        seen.append([p.read_text() if p.exists() else "" for p in (walk, truth)])
+
+    monkeypatch.setattr("fbgraph.core.whole_writes._sync", look)
+    for text in ("old", "new"):
+        with whole_files((walk, truth)) as partials:
+            for partial in partials:
+                partial.write_text(text)
+    states = [["", ""], ["old", ""], ["old", "old"], ["old", ""], ["new", ""], ["new", "new"]]
+    assert [state for i, state in enumerate(seen) if state != seen[i - 1] or not i] == states
+    assert sorted(tmp_path.iterdir()) == [truth, walk]
+
+
+def test_of_two_files_none_is_replaced_when_one_is_not_finished(tmp_path: Path) -> None:
+    walk, truth = tmp_path / "walk.csv", tmp_path / "truth.csv"
+    for path in (walk, truth):
+        path.write_text("old")
+    with pytest.raises(BreakOffError), whole_files((walk, truth)) as partials:
+        break_off(partials[1])
+    assert [path.read_text() for path in (walk, truth)] == ["old", "old"]
+    assert sorted(tmp_path.iterdir()) == [truth, walk]
+
+
+def test_a_lock_that_cannot_be_removed_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "walk.csv"
+    with monkeypatch.context() as disk:
+
+        def unlink(path: Path, missing_ok: bool = False) -> None:
+            raise OSError(5, "Input/output error")
+
+        disk.setattr(Path, "unlink", unlink)
+        with whole_file(path) as partial:
+            partial.write_text("text")
+    assert path.read_text() == "text"
+    with whole_file(path) as partial:
+        partial.write_text("more")
     assert list(tmp_path.iterdir()) == [path]
 
 
