@@ -78,6 +78,7 @@ class WalkAtAnchors:
         span_s = max(float(walk.t_s[-1] - walk.t_s[0]), 1.0)
         late_m = _PRESS_S * float(walk.distance_m[-1]) / span_s
         self._variance = np.repeat(sigma_m**2 + late_m**2, 2)
+        self._drifts: dict[tuple[int, ...], FloatArray] = {}
 
     def fit(self, compass: bool, mirrored: bool = False, scaled: bool = False) -> FrameFit | None:
         """The frame with which most anchors agree; None if no two of them tell a direction.
@@ -135,7 +136,10 @@ class WalkAtAnchors:
     def _covariance(self, which: IntArray, scale: float) -> FloatArray:
         """(2M, 2M) of the places of these anchors against those of the walk, in its metres."""
         rows = np.column_stack((2 * which, 2 * which + 1)).ravel()
-        return _drift(self._walk, self._crumbs[which]) + np.diag(self._variance[rows] / scale**2)
+        key = tuple(which.tolist())
+        if key not in self._drifts:  # every pair grows among the same
+            self._drifts[key] = _drift(self._walk, self._crumbs[which])
+        return self._drifts[key] + np.diag(self._variance[rows] / scale**2)
 
     def laid(self, turn_rad: float) -> FrameFit:
         """The walk turned by an angle and laid among all anchors by their centre; none of them agrees."""
@@ -213,18 +217,36 @@ def _against(
 
 
 def _predicted(whole: FloatArray, off: FloatArray, agree: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """(M, 2) how far each place is from where the others that agree put it, and (M,) the same squared, in sigma."""
+    """(M, 2) how far each place is from where the others that agree put it, and (M,) the same squared, in sigma.
+
+    Of one that agrees itself, without solving for each anew: with P the inverse of their covariance, it is off by
+    ``inv(P_ii) (P off)_i``, whose covariance is ``inv(P_ii)`` (Rasmussen and Williams 2006, section 5.4.2).
+    """
     count = len(agree)
     away, squared = np.zeros((count, 2)), np.zeros(count)
-    for i in range(count):
-        others = np.repeat(agree & (np.arange(count) != i), 2)
-        at = slice(2 * i, 2 * i + 2)
-        if not others.any():
-            continue
-        gain = np.linalg.solve(whole[np.ix_(others, others)], whole[others, at]).T
-        away[i] = off[at] - gain @ off[others]
-        squared[i] = away[i] @ np.linalg.solve(whole[at, at] - gain @ whole[others, at], away[i])
+    if not agree.any():
+        return away, squared
+    inside = np.repeat(agree, 2)
+    within = whole[np.ix_(inside, inside)]
+    if agree.sum() > 1:
+        inverse = np.linalg.inv(within)
+        pulls = (inverse @ off[inside]).reshape(-1, 2)
+        away[agree] = np.linalg.solve(_blocks(inverse), pulls[:, :, None])[:, :, 0]
+        squared[agree] = (pulls * away[agree]).sum(axis=1)
+    if not agree.all():
+        across = whole[np.ix_(~inside, inside)]
+        gain = np.linalg.solve(within, across.T).T
+        away[~agree] = (off[~inside] - gain @ off[inside]).reshape(-1, 2)
+        left = _blocks(whole[np.ix_(~inside, ~inside)] - gain @ across.T)
+        pulls = np.linalg.solve(left, away[~agree][:, :, None])[:, :, 0]
+        squared[~agree] = (pulls * away[~agree]).sum(axis=1)
     return away, squared
+
+
+def _blocks(matrix: FloatArray) -> FloatArray:
+    """(M, 2, 2) of those along the diagonal of (2M, 2M)."""
+    every = np.arange(len(matrix) // 2)
+    return matrix.reshape(len(every), 2, len(every), 2)[every, :, every]
 
 
 def _company(squared: FloatArray, agree: BoolArray) -> BoolArray:
