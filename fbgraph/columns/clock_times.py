@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from fbgraph.core.geometry import IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS, to_ns
 from fbgraph.tables.table import Table
 
+ClockKind = Literal["ticks", "days", "stamps", "date_and_time", "time_of_day", "hms", "samples"]
 COUNTS = (2.0**8, 2.0**16, 2.0**32)
 """After how many samples a counter may begin again."""
 _TAIL = 20  # rows before those that have just come, by which a clock goes on
@@ -37,7 +38,7 @@ class Clock:
         text: what people must know: what was assumed; ``""`` if nothing was.
     """
 
-    kind: str
+    kind: ClockKind
     columns: tuple[int, ...]
     tick_ns: float
     wrap: float

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fbgraph.columns.app_layouts import flat_name
-from fbgraph.columns.clock_times import COUNTS, Clock, clock_ns
+from fbgraph.columns.clock_times import COUNTS, Clock, ClockKind, clock_ns
 from fbgraph.columns.guesses import Guess
 from fbgraph.columns.tick_counts import damage, distinct, progress, step_of, unwrapped, wraps_of
 from fbgraph.columns.time_texts import kind_of_text
@@ -185,7 +185,7 @@ def _try_number(table: Table, guess: Guess, inertial: bool) -> _Trial:
     if wrap:
         text = f"{text}; " if text else ""
         text += f"column {name} begins again after {wrap:.10g}: its times go on"
-    kind = "days" if unit == "day" else "ticks"
+    kind: ClockKind = "days" if unit == "day" else "ticks"
     clock = Clock(kind, (guess.column,), UNITS["time"][unit], wrap, f"{guess.why}, counts {shown(unit)}", text)
     return _Trial(clock, _rank(t, True, guess.weight, "ticks"), column=guess.column)
 

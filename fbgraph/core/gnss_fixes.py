@@ -21,6 +21,7 @@ from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.georeference import Georeference, along_ground_m
+from fbgraph.core.nanoseconds import MAX_T_NS
 
 RADIUS_68 = math.sqrt(-2.0 * math.log(1.0 - 0.6827))
 """Radius that holds 68 % of errors, in standard deviations of an axis: 1.515."""
@@ -60,7 +61,9 @@ def gnss_checkpoints(
     """
     radius_m = np.full(len(t_s), np.nan) if radius_m is None else np.where(radius_m == 0.0, np.nan, radius_m)
     with np.errstate(invalid="ignore"):
-        there = np.isfinite(t_s) & (np.abs(lat_deg) <= 90.0) & (np.abs(lon_deg) <= 180.0) & ~(radius_m < 0.0)
+        there = (
+            (np.abs(t_s) < MAX_T_NS / 1e9) & (np.abs(lat_deg) <= 90.0) & (np.abs(lon_deg) <= 180.0) & ~(radius_m < 0.0)
+        )
         there &= (lat_deg != 0.0) | (lon_deg != 0.0)  # what receivers write before the first fix
         fine = there & ~(radius_m > WORST_RADIUS_M)
     left_out = {"without a place or time": int((~there).sum()), f"worse than {WORST_RADIUS_M:.0f} m": 0}

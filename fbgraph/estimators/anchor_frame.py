@@ -128,7 +128,7 @@ class WalkAtAnchors:
                 here[both], self.there_m[both], fit.turn_rad, fit.shift_m, fit.scale, fit.scale != 1.0
             )
             whole = self._covariance(both, fit.scale) + slope @ free @ slope.T
-            away, squared = _predicted(whole, off, known)
+            away, squared = predicted(whole, off, known)
             agree[some] = squared[~known] < _CONTRADICTS
             off_m[some] = fit.scale * np.hypot(*away[~known].T)
         return replace(fit, agree=agree, off_m=off_m, cost=fit.cost + _CONTRADICTS * float((~agree[rest]).sum()))
@@ -179,7 +179,7 @@ class WalkAtAnchors:
         for _ in range(_ROUNDS):
             off, slope = _against(here, there, turn, shift, scale, scaled)
             whole = walk + slope @ free @ slope.T
-            agree = _company(_predicted(whole, off, agree)[1], agree)
+            agree = _company(predicted(whole, off, agree)[1], agree)
             inside = np.repeat(agree, 2)
             known = free @ slope[inside].T @ np.linalg.inv(whole[np.ix_(inside, inside)])
             move = known @ off[inside]
@@ -188,7 +188,7 @@ class WalkAtAnchors:
             scale *= math.exp(float(np.clip(move[3], -0.5, 0.5))) if scaled else 1.0
         off, slope = _against(here, there, turn, shift, scale, scaled)
         whole = walk + slope @ free @ slope.T
-        away, squared = _predicted(whole, off, agree)
+        away, squared = predicted(whole, off, agree)
         if agree.sum() == 2 and squared[agree].max() > _CONTRADICTS:  # which of the two nobody can tell
             agree = np.zeros_like(agree)
         full, off_m = np.zeros(len(fit.agree), dtype=bool), np.zeros(len(fit.agree))
@@ -216,37 +216,36 @@ def _against(
     return (back - here).ravel(), np.hstack(slopes)
 
 
-def _predicted(whole: FloatArray, off: FloatArray, agree: BoolArray) -> tuple[FloatArray, FloatArray]:
+def predicted(whole: FloatArray, off: FloatArray, agree: BoolArray) -> tuple[FloatArray, FloatArray]:
     """(M, 2) how far each place is from where the others that agree put it, and (M,) the same squared, in sigma.
 
     Of one that agrees itself, without solving for each anew: with P the inverse of their covariance, it is off by
     ``inv(P_ii) (P off)_i``, whose covariance is ``inv(P_ii)`` (Rasmussen and Williams 2006, section 5.4.2).
     """
-    count = len(agree)
-    away, squared = np.zeros((count, 2)), np.zeros(count)
+    away: FloatArray = np.zeros((len(agree), 2))
+    squared: FloatArray = np.zeros(len(agree))
     if not agree.any():
         return away, squared
     inside = np.repeat(agree, 2)
-    within = whole[np.ix_(inside, inside)]
+    within, across = whole[np.ix_(inside, inside)], whole[np.ix_(~inside, inside)]
     if agree.sum() > 1:
-        inverse = np.linalg.inv(within)
+        inverse = np.asarray(np.linalg.inv(within), dtype=float)
         pulls = (inverse @ off[inside]).reshape(-1, 2)
         away[agree] = np.linalg.solve(_blocks(inverse), pulls[:, :, None])[:, :, 0]
         squared[agree] = (pulls * away[agree]).sum(axis=1)
     if not agree.all():
-        across = whole[np.ix_(~inside, inside)]
         gain = np.linalg.solve(within, across.T).T
         away[~agree] = (off[~inside] - gain @ off[inside]).reshape(-1, 2)
-        left = _blocks(whole[np.ix_(~inside, ~inside)] - gain @ across.T)
-        pulls = np.linalg.solve(left, away[~agree][:, :, None])[:, :, 0]
-        squared[~agree] = (pulls * away[~agree]).sum(axis=1)
+        left = np.asarray(whole[np.ix_(~inside, ~inside)] - gain @ across.T, dtype=float)
+        pull = np.linalg.solve(_blocks(left), away[~agree][:, :, None])[:, :, 0]
+        squared[~agree] = (pull * away[~agree]).sum(axis=1)
     return away, squared
 
 
 def _blocks(matrix: FloatArray) -> FloatArray:
     """(M, 2, 2) of those along the diagonal of (2M, 2M)."""
     every = np.arange(len(matrix) // 2)
-    return matrix.reshape(len(every), 2, len(every), 2)[every, :, every]
+    return np.asarray(matrix.reshape(len(every), 2, len(every), 2)[every, :, every])
 
 
 def _company(squared: FloatArray, agree: BoolArray) -> BoolArray:

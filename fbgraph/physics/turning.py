@@ -26,6 +26,8 @@ _OVERLAP = 3  # windows that see one sample
 _DT_S = 0.04
 _LONGEST_GAP_S = 0.3
 _MOST_S = 480.0  # of windows, overlaps counted
+_SILENCE_S = 60.0  # that nobody measures in; a clock that was set takes years for nothing
+_LONGEST_S = 48 * 3600.0  # of a log, from its start
 _ROUNDS = 4  # of reweighting
 _LEAST_SPREAD = 1e-3  # of residuals against the vector's size in a second
 
@@ -91,17 +93,30 @@ def cut(gyro: Stream, vector: Stream, window_s: float) -> Windows:
     nothing = Windows(np.empty((0, n, 3)), np.empty((0, n, 3)))
     if min(len(gyro), len(vector)) < 2:
         return nothing
+    stride = max(n // _OVERLAP, 1)
+    gyro, vector = _without_silences(gyro, vector, stride * _DT_S)
     start_s, end_s = max(gyro.t_s[0], vector.t_s[0]), min(gyro.t_s[-1], vector.t_s[-1])
-    cells = int((end_s - start_s) / _DT_S)
+    cells = int(min(end_s - start_s, _LONGEST_S) / _DT_S)
     if cells < n:
         return nothing
     edges_s = start_s + _DT_S * np.arange(cells + 1)
     holes = np.concatenate(([0], np.cumsum(_holes(gyro.t_s, edges_s) + _holes(vector.t_s, edges_s))))
-    first = np.arange(0, cells - n + 1, max(n // _OVERLAP, 1))
+    first = np.arange(0, cells - n + 1, stride)
     first = first[holes[first + n] == holes[first]]
     rate = _cell_means(gyro, edges_s)
     rows = _busiest(rate, first, n, round(_MOST_S / window_s))[:, None] + np.arange(n)
     return Windows(rate[rows], _cell_means(vector, edges_s)[rows])
+
+
+def _without_silences(gyro: Stream, vector: Stream, stride_s: float) -> tuple[Stream, Stream]:
+    """Both without most of the time in which neither measures, by whole strides: windows stay what they were."""
+    t_s = np.union1d(gyro.t_s, vector.t_s)
+    left_out = np.maximum(np.floor((np.diff(t_s) - _SILENCE_S) / stride_s), 0.0) * stride_s
+    if not left_out.any():
+        return gyro, vector
+    before = np.concatenate(([0.0], np.cumsum(left_out)))
+    kept = [Stream(one.t_s - before[np.searchsorted(t_s, one.t_s)], one.values) for one in (gyro, vector)]
+    return kept[0], kept[1]
 
 
 def _busiest(rate: FloatArray, first: IntArray, n: int, most: int) -> IntArray:

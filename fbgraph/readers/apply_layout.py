@@ -171,6 +171,9 @@ def _columns(table: Table, stream: StreamLayout, source: object) -> list[FloatAr
     return [np.full(len(table), np.nan) if column.is_text else column.values for column in found]
 
 
+_COUNTED = ("ticks", "days", "hms", "samples")
+
+
 def clock_of(table: Table, layout: Layout, source: object) -> Clock:
     """What a layout says tells the time of a table.
 
@@ -182,6 +185,9 @@ def clock_of(table: Table, layout: Layout, source: object) -> Clock:
         raise DataError(f"{source}: the layout says nothing of the time of {table.source}: give it a [[clocks]] entry")
     clock = clocks[0]
     columns = tuple(find_column(table, name, source) for name in clock.columns)
+    for i, name in zip(columns, clock.columns, strict=True):
+        if table.columns[i].is_text and clock.kind in _COUNTED:
+            raise DataError(f"{source}: the layout takes {clock.kind} from {name!r}, which holds text; name its kind")
     return Clock(clock.kind, columns, clock.tick_ns, clock.wrap, "as laid out")
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import tomli_w
 from pydantic import Field, field_validator, model_validator
 
+from fbgraph.columns.clock_times import ClockKind
 from fbgraph.core.bounded import CONFIG_BYTES, small_file
 from fbgraph.core.config_text import parse_toml
 from fbgraph.core.errors import ConfigError, DataError
@@ -22,6 +23,7 @@ from fbgraph.core.whole_writes import whole_file
 
 Name = Annotated[str, Field(max_length=300)]
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+_CLOCK_COLUMNS = {"date_and_time": (2, 2), "hms": (3, 3), "samples": (0, 1)}
 ANY = "*"
 """As the name of a table: the only one, whatever it is called."""
 SAVED_LAYOUT = "layout.toml"
@@ -87,9 +89,16 @@ class ClockLayout(Section):
 
     table: Name = ANY
     columns: Annotated[tuple[Name, ...], Field(max_length=3)] = ()
-    kind: Name = "ticks"
+    kind: ClockKind = "ticks"
     tick_ns: Annotated[float, Field(gt=0.0, le=1e12)] = 1e9
     wrap: Annotated[int, Field(ge=0, le=2**62)] = 0
+
+    @model_validator(mode="after")
+    def _as_many_columns(self) -> ClockLayout:
+        least, most = _CLOCK_COLUMNS.get(self.kind, (1, 1))
+        if not least <= len(self.columns) <= most:
+            raise ValueError(f"{self.kind} takes {least} columns, here are {len(self.columns)}")
+        return self
 
 
 class Layout(Section):

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
 from fbgraph.columns.column_names import names_accelerometer
-from fbgraph.core.bounded import PLACES_BYTES, require_table, small_file
+from fbgraph.core.bounded import PLACES_BYTES, Allowance, require_table, small_file
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.errors import DataError
 from fbgraph.core.gnss_fixes import gnss_checkpoints
 from fbgraph.readers.place_tables import parse_places
 from fbgraph.readers.tagged import tagged_reader
+from fbgraph.tables.encoding import as_utf_8, is_binary, without_marks
 from fbgraph.tables.log_text import text_of
+from fbgraph.tables.members import members
 
 if TYPE_CHECKING:
     from gpxpy.gpx import GPX, GPXRoutePoint, GPXTrackPoint, GPXWaypoint
@@ -40,7 +41,10 @@ def read_checkpoints(path: str | Path) -> Checkpoints:
             without truth.
     """
     path = Path(path)
-    return _parsed(small_file(path, PLACES_BYTES, _KIND), path)
+    data = small_file(path, PLACES_BYTES, _KIND)
+    if is_binary(data):
+        raise DataError(f"{path}: not a readable {_KIND}: it is binary")
+    return _parsed(as_utf_8(b"".join(without_marks((data,))))[0].decode(), path)
 
 
 def gnss_of(log: Path) -> Checkpoints | None:
@@ -52,62 +56,39 @@ def gnss_of(log: Path) -> Checkpoints | None:
     Raises:
         DataError: there is such a file, and it cannot be used.
     """
-    if log.is_file() and log.suffix.lower() == ".zip":
-        return _in_zip(log)
-    folder = log if log.is_dir() else log.parent
+    found = members(log, wanted=_is_location, allowed=Allowance(PLACES_BYTES))
+    if found.many:
+        ranked = sorted(found, key=lambda member: _rank(member.source))
+        return _parsed(b"".join(ranked[0].text.pieces).decode(), Path(ranked[0].source)) if ranked else None
     try:
-        inside = sorted(folder.iterdir())
-        if log.is_dir():
-            inside += sorted(file for one in inside if one.is_dir() for file in one.iterdir())
+        beside = [file for file in sorted(log.parent.iterdir()) if _is_location(file.name) and file != log]
     except OSError:
         return None
-    files = [file for name in _LOCATION_FILES for file in inside if file.name.lower() == name and file != log]
-    return read_checkpoints(files[0]) if files else None
+    return read_checkpoints(min(beside, key=_rank)) if beside else None
 
 
-def _in_zip(log: Path) -> Checkpoints | None:
-    """The Location file of a zip, at most one folder deep."""
-    try:
-        with ZipFile(log) as archive:
-            for name in _LOCATION_FILES:
-                for member in archive.infolist():
-                    parts = member.filename.lower().split("/")
-                    if parts[-1] != name or len(parts) > 2:
-                        continue
-                    with archive.open(member) as stream:
-                        data = stream.read(PLACES_BYTES + 1)
-                    if len(data) > PLACES_BYTES:
-                        raise DataError(f"{log}/{member.filename}: larger than any file of places")
-                    return _parsed(data, log / member.filename)
-    except (BadZipFile, OSError, RuntimeError, NotImplementedError) as error:  # encrypted; a method nobody knows
-        raise DataError(f"{log}: cannot be unpacked ({error}); copy it again") from error
-    return None
+def _is_location(name: str) -> bool:
+    return PurePosixPath(name).name.lower() in _LOCATION_FILES
 
 
-def _parsed(data: bytes, path: Path) -> Checkpoints:
-    """Places of a file's bytes."""
-    text = _decoded(data, path)
+def _rank(name: str | Path) -> int:
+    return _LOCATION_FILES.index(PurePosixPath(name).name.lower())
+
+
+def _parsed(text: str, path: Path) -> Checkpoints:
+    """Places of a file's text."""
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if not text.strip():
+        raise DataError(f"{path}: not a readable {_KIND}: No columns to parse from file")
     if text.lstrip().startswith("<"):
         return _from_gpx(text, path)
-    require_table(data, path, _KIND)
+    require_table(text.encode(), path, _KIND)
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     if re.fullmatch(r"(?:[-+.\deE]+\s+){7}[-+.\deE]+\s*", first):
         return _from_tum(text, path)
     if (truth := _of_a_log(text, path)) is not None:
         return truth
     return parse_places(text, str(path))
-
-
-def _decoded(data: bytes, path: Path) -> str:
-    """Text of UTF-8 or UTF-16; where it is neither, latin-1, which every byte decodes to."""
-    try:
-        text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    if not text.strip() or "\x00" in text:
-        what = "No columns to parse from file" if not text.strip() else "it is binary"
-        raise DataError(f"{path}: not a readable checkpoint CSV: {what}")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _of_a_log(text: str, path: Path) -> Checkpoints | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import stat
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path, PurePosixPath
@@ -61,27 +61,37 @@ class Members:
         return iter(self.files)
 
 
-def members(path: Path, max_size: int | None = None) -> Members:
+def members(
+    path: Path,
+    max_size: int | None = None,
+    *,
+    wanted: Callable[[str], bool] = lambda name: True,
+    allowed: Allowance | None = None,
+) -> Members:
     """The files that an input holds.
 
     Args:
         path: a file or pipe, gzipped or not; a folder or zip, of whose folders one level is looked into.
         max_size: bytes of text that are read at most, of all of them; None for what any walk keeps within.
+        wanted: of a folder or zip, whether a file of this path in it is read.
+        allowed: how much is read, where it is no log.
 
     Raises:
         DataError: no such file, or (here or while they are read) it is a device, unreadable, damaged, encrypted, larger
             than allowed, of more than a thousand files, or a zip that names files outside of itself.
     """
+    most = allowed or Allowance.of(max_size)
+    any_rows = max_size is not None
     if path.is_dir():
         found = Members(path, True, ())
-        found.files = _of_folder(path, max_size, found.left_out)
+        found.files = _read(_of_folder(path, most, wanted, found.left_out), any_rows, found.left_out)
     elif _is_zip(path):
         found = Members(path, True, ())
-        found.files = _of_zip(path, max_size, found.left_out)
+        found.files = _of_zip(path, most, wanted, any_rows, found.left_out)
     else:
         found = Members(path, False, ())
-        blocks = file_blocks(path, Allowance.of(max_size), "log file")
-        found.files = _read([(path.name, str(path), blocks)], path, max_size, found.left_out)
+        blocks = file_blocks(path, most, "log file")
+        found.files = _read([(path.name, str(path), blocks)], any_rows, found.left_out)
     return found
 
 
@@ -106,7 +116,7 @@ def _is_zip(path: Path) -> bool:
 
 
 def _read(
-    files: Iterable[tuple[str, str, Iterator[bytes]]], path: Path, max_size: int | None, left_out: list[tuple[str, str]]
+    files: Iterable[tuple[str, str, Iterator[bytes]]], any_rows: bool, left_out: list[tuple[str, str]]
 ) -> Iterator[Member]:
     """Members of files, each a name, a source for messages, and blocks of bytes."""
     for name, source, blocks in files:
@@ -120,7 +130,7 @@ def _read(
         elif not first.strip():
             left_out.append((source, "empty"))
         else:
-            text = text_of(chain((first,), blocks), Path(source), any_rows=max_size is not None)
+            text = text_of(chain((first,), blocks), Path(source), any_rows=any_rows)
             yield Member(table_name(name), source, text)
 
 
@@ -134,7 +144,9 @@ def _passed_over(name: str) -> str:
     return "a picture, film or sound" if name.lower().endswith(_PICTURES) else ""
 
 
-def _of_folder(path: Path, max_size: int | None, left_out: list[tuple[str, str]]) -> Iterator[Member]:
+def _of_folder(
+    path: Path, most: Allowance, wanted: Callable[[str], bool], left_out: list[tuple[str, str]]
+) -> Iterator[tuple[str, str, Iterator[bytes]]]:
     found = []
     root = path.resolve()
     for file in _files_below(path, left_out):
@@ -146,12 +158,12 @@ def _of_folder(path: Path, max_size: int | None, left_out: list[tuple[str, str]]
             why = "no file"
         if why:
             left_out.append((str(file), why))
-        else:
+        elif wanted(name):
             found.append((name, file))
     _refuse_many(path, len(found))
-    allowed = _Shared(Allowance.of(max_size))
-    files = ((name, str(file), allowed.of(file_blocks(file, allowed.left, "log file"))) for name, file in found)
-    yield from _read(files, path, max_size, left_out)
+    allowed = _Shared(most)
+    for name, file in found:
+        yield name, str(file), allowed.of(file_blocks(file, allowed.left, "log file"))
 
 
 def _files_below(path: Path, left_out: list[tuple[str, str]]) -> Iterator[Path]:
@@ -172,7 +184,9 @@ def _files_below(path: Path, left_out: list[tuple[str, str]]) -> Iterator[Path]:
         raise DataError(f"{path}: {error.strerror or error}; check the path") from error
 
 
-def _of_zip(path: Path, max_size: int | None, left_out: list[tuple[str, str]]) -> Iterator[Member]:
+def _of_zip(
+    path: Path, most: Allowance, wanted: Callable[[str], bool], any_rows: bool, left_out: list[tuple[str, str]]
+) -> Iterator[Member]:
     try:
         with zipfile.ZipFile(path) as archive:
             infos = [info for info in archive.infolist() if not info.is_dir()]
@@ -181,10 +195,10 @@ def _of_zip(path: Path, max_size: int | None, left_out: list[tuple[str, str]]) -
                 why = _refused(info, path) or _passed_over(info.filename)
                 if why:
                     left_out.append((f"{path}/{info.filename}", why))
-                else:
+                elif wanted(info.filename):
                     found.append(info)
             _refuse_many(path, len(infos))
-            allowed = _Shared(Allowance.of(max_size))
+            allowed = _Shared(most)
             size = sum(info.file_size for info in found)
             allowed.left.refuse(path, size, path.stat().st_size)
             files = (
@@ -195,7 +209,7 @@ def _of_zip(path: Path, max_size: int | None, left_out: list[tuple[str, str]]) -
                 )
                 for info in found
             )
-            yield from _read(files, path, max_size, left_out)
+            yield from _read(files, any_rows, left_out)
     except zipfile.BadZipFile as error:
         raise DataError(f"{path}: the zip is truncated or damaged ({error}); copy it again") from error
     except OSError as error:

@@ -30,8 +30,10 @@ def with_gyroflow_scales(table: Table) -> Table:
         key, unit = _SCALES.get(column.name if column.name == "t" else column.name[:1], ("", ""))
         known = column.name == "t" or (len(column.name) == 2 and column.name[1] in "xyz")
         scale = number(said.get(key, "")) if known and not column.is_text else None
-        scaled = column if scale is None else replace(column, unit=unit, values=column.values * float(scale))
-        columns.append(scaled)
+        if scale is not None:
+            with np.errstate(over="ignore", invalid="ignore"):  # garbled numbers
+                column = replace(column, unit=unit, values=column.values * float(scale))
+        columns.append(column)
     return replace(table, columns=tuple(columns), how=f"{table.how}, gyroflow's scales")
 
 

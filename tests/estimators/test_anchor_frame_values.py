@@ -8,7 +8,7 @@ import pytest
 from support.by_hand import way_along
 
 from fbgraph.core.geometry import FloatArray, turned
-from fbgraph.estimators.anchor_frame import FrameFit, WalkAtAnchors
+from fbgraph.estimators.anchor_frame import FrameFit, WalkAtAnchors, predicted
 
 WAY = way_along((0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0))
 CRUMBS = np.array([4, 40, 70, 100, 140, 180, 215])
@@ -118,3 +118,24 @@ def test_a_walk_that_knows_its_direction_less_tells_less_of_the_turn() -> None:
     assert sure is not None
     assert unsure is not None
     assert unsure.sigma_turn_rad > 3.0 * sure.sigma_turn_rad
+
+
+@pytest.mark.parametrize("agreeing", [[], [2], [0, 3], [0, 1, 2, 3, 4, 5]])
+def test_each_is_predicted_by_the_others_that_agree_as_if_solved_alone(agreeing: list[int]) -> None:
+    rng = np.random.default_rng(4)
+    spread = rng.normal(size=(12, 12))
+    whole, off = spread @ spread.T + 0.1 * np.eye(12), rng.normal(size=12)
+    agree = np.isin(np.arange(6), agreeing)
+    away, squared = predicted(whole, off, agree)
+    for i in range(6):
+        others = np.repeat(agree & (np.arange(6) != i), 2)
+        at = slice(2 * i, 2 * i + 2)
+        if not others.any():
+            assert [*away[i], squared[i]] == [0.0] * 3
+            continue
+        gain = whole[at, others] @ np.linalg.inv(whole[np.ix_(others, others)])
+        left = off[at] - gain @ off[others]
+        assert away[i] == pytest.approx(left, rel=1e-9)
+        assert squared[i] == pytest.approx(
+            left @ np.linalg.inv(whole[at, at] - gain @ whole[others, at]) @ left, rel=1e-8
+        )

@@ -80,6 +80,20 @@ def test_windows_leave_out_holes() -> None:
     assert np.diff(middle, axis=0) == pytest.approx(np.tile(0.04 * np.array((1.0, 2.0, -3.0)), (74, 1)), abs=1e-9)
 
 
+@pytest.mark.parametrize("silence_s", [30.0, 90.0, 600.0, 5e7])
+def test_a_silence_of_years_costs_nothing_and_changes_nothing(silence_s: float) -> None:
+    """A clock that is set in the middle of a log; the windows on both sides are those that a silence of 30 s leaves."""
+
+    def silent(stream: Stream, after_s: float) -> Stream:
+        t_s = stream.t_s - 0.004  # off the edges of cells, so that rounding moves no sample to another
+        return Stream(np.where(t_s > 20.0, t_s + after_s, t_s), stream.values)
+
+    usual, after = (cut(silent(WALK.gyro, s), silent(WALK.acc, s), 3.0) for s in (30.0, silence_s))
+    assert len(after) == len(usual) > 10
+    assert after.vector == pytest.approx(usual.vector, abs=1e-5)
+    assert after.rate == pytest.approx(usual.rate, abs=1e-5)
+
+
 def test_as_named_nothing_is_changed() -> None:
     """Right names are kept, surely and in silence."""
     judged = WALK.judged(NAMED)

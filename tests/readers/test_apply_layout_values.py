@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from support.m5stickc_lines import ACC, GYRO, G, lines_of_a_walk, read_lines, read_rows
 
+from fbgraph.core.errors import FbgraphError
+from fbgraph.readers import read_log
 from fbgraph.readers.apply_layout import stream_values
-from fbgraph.readers.layout import StreamLayout
+from fbgraph.readers.layout import StreamLayout, layout_toml
 from fbgraph.tables.table import Column, Table
 
 HEADER = "t_ms,ax_ms2,ay_ms2,az_ms2,gx_rads,gy_rads,gz_rads,event"
@@ -81,3 +83,30 @@ def test_axes_are_turned_as_laid_out_and_an_empty_field_stays_one(tmp_path: Path
     found = stream_values(Table("t", "t", columns), stream, "t")
     np.testing.assert_array_equal(found, [[-4.0, 6.0, -2.0], [math.nan, 12.0, -8.0]])
     np.testing.assert_array_equal(found[0], 2.0 * stream.rotation @ numbers[0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "columns", "said"),
+    [
+        ("ticks", [], "ticks takes 1 columns, here are 0"),
+        ("hms", ["t_ms", "event"], "hms takes 3 columns, here are 2"),
+        ("date_and_time", ["t_ms"], "date_and_time takes 2 columns, here are 1"),
+        ("minutes", ["t_ms"], "clocks.0.kind"),
+        ("ticks", ["event"], "the layout takes ticks from 'event', which holds text; name its kind"),
+        ("stamps", ["t_ms"], r"walk\.csv: "),
+        ("time_of_day", ["event"], r"walk\.csv: "),
+    ],
+)
+def test_a_clock_that_a_layout_tells_wrongly_is_said(kind: str, columns: list[str], said: str, tmp_path: Path) -> None:
+    lines = [HEADER, *(f"{row}{'marked' if i % 9 == 0 else ''}" for i, row in enumerate(rows(200)))]
+    (tmp_path / "walk.csv").write_text("\n".join(lines))
+    reading = read_log(tmp_path / "walk.csv").reading
+    assert reading is not None
+    text = (
+        layout_toml(reading.layout)
+        .replace('"ticks"', f'"{kind}"')
+        .replace('"t_ms",', "".join(f'"{c}",' for c in columns))
+    )
+    (tmp_path / "layout.toml").write_text(text)
+    with pytest.raises(FbgraphError, match=said):
+        read_log(tmp_path / "walk.csv", layout=tmp_path / "layout.toml")

@@ -201,9 +201,45 @@ def test_fixes_of_a_folder_a_zip_and_beside_a_log(tmp_path: Path) -> None:
         assert len(fixes) == 4
     location.unlink()
     assert gnss_of(tmp_path / "walk.csv") is None
+    assert gnss_of(tmp_path) is None
     (tmp_path / "walk.zip").write_bytes(b"PK\x03\x04 no zip")
-    with pytest.raises(DataError, match="cannot be unpacked"):
+    with pytest.raises(DataError, match="the zip is truncated or damaged"):
         gnss_of(tmp_path / "walk.zip")
+
+
+def test_of_a_zip_nothing_but_its_fixes_is_read(tmp_path: Path) -> None:
+    """What a recording holds besides may be large or damaged; Location.csv goes before labels by row."""
+    location = sensorlogger(tmp_path / "Location.csv", walked(4)).read_bytes()
+    with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
+        archive.writestr("a/GPS_label.csv", "StartSampleID,Hour,Min,Sec,Lat,Lng\n1,1,1,1,49.0,11.0\n")
+        archive.writestr("b/LOCATION.CSV", location)
+        archive.writestr("Gyroscope.csv", b"x" * 1000)
+    packed = (tmp_path / "walk.zip").read_bytes()
+    (tmp_path / "walk.zip").write_bytes(packed.replace(b"x" * 1000, b"y" * 1000))  # its checksum is wrong
+    fixes = gnss_of(tmp_path / "walk.zip")
+    assert fixes is not None
+    assert len(fixes) == 4
+
+
+def test_places_on_one_line_in_utf_16_or_with_a_garbled_byte(tmp_path: Path) -> None:
+    """A GPX may be one line, longer than any row of a log; a byte that is garbled costs its own line."""
+    points = "".join(
+        f'<wpt lat="49.4{k:05}" lon="11.1"><time>2024-05-01T10:{k // 60:02}:{k % 60:02}Z</time></wpt>'
+        for k in range(1500)
+    )
+    for encoding in ("utf-8", "utf-16", "utf-16-be"):
+        (tmp_path / "track.gpx").write_bytes(f'<gpx version="1.1">{points}</gpx>'.encode(encoding))
+        assert len(read_checkpoints(tmp_path / "track.gpx")) == 1500
+    (tmp_path / "truth.csv").write_bytes(b"# Stra\xdfe\nt_s,x_m,y_m\n1,2,3\n2,2,3\n")
+    assert len(read_checkpoints(tmp_path / "truth.csv")) == 2
+
+
+def test_a_time_that_no_clock_shows_is_none(tmp_path: Path) -> None:
+    rows = walked(5)
+    rows[2] = (1e20, *rows[2][1:])
+    fixes = read_checkpoints(sensorlogger(tmp_path / "Location.csv", rows))
+    assert len(fixes) == 4
+    assert "1 without a place or time" in fixes.notices[0]
 
 
 def test_what_is_used_of_fixes(tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
 """JSON, long format, gyroflow's and IMUtracker's logs; and what no honest input holds."""
 
 import json
+import math
 import os
 import struct
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -61,6 +63,17 @@ def test_gyroflow_says_its_scales(tmp_path: Path) -> None:
         *(("gx", "rad/s", 1.0), ("gy", "rad/s", 2.0), ("gz", "rad/s", 3.0)),
         *(("ax", "g", 1.0), ("ay", "g", 2.0), ("az", "g", 3.0)),
     ]
+
+
+def test_a_garbled_scale_or_number_of_gyroflow_is_no_warning(tmp_path: Path) -> None:
+    """What cannot be a number stays none; numpy says nothing of it on the terminal."""
+    head = "GYROFLOW IMU LOG\ntscale,0\ngscale,1e308\nt,gx,gy,gz\n"
+    rows = "".join(f"{t},{x},2,3\n" for t, x in [("1e400", 1), (1, "1e308"), *((t, 1) for t in range(2, 60))])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        (table,) = tables_of(tmp_path / "a.gcsv", head + rows).values()
+    assert len(table) == 60
+    assert columns(table)["gy"][1] == math.inf
 
 
 def test_acclog_is_unpacked(tmp_path: Path) -> None:
