@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fbgraph.columns.guesses import ClockKind
 from fbgraph.columns.tick_counts import SharedTicks, shared_ticks, spread, unwrapped, wraps_of
 from fbgraph.columns.time_texts import DAY_NS, UNREAD, dates_ns, stamps_ns, times_of_day_ns
 from fbgraph.columns.units import UNITS
@@ -16,7 +17,6 @@ from fbgraph.core.geometry import IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS, to_ns
 from fbgraph.tables.table import Table
 
-ClockKind = Literal["ticks", "days", "stamps", "date_and_time", "time_of_day", "hms", "samples"]
 COUNTS = (2.0**8, 2.0**16, 2.0**32)
 """After how many samples a counter may begin again."""
 _TAIL = 20  # rows before those that have just come, by which a clock goes on

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fbgraph.columns.app_layouts import flat_name
-from fbgraph.columns.clock_times import COUNTS, Clock, ClockKind, clock_ns
-from fbgraph.columns.guesses import Guess
+from fbgraph.columns.clock_times import COUNTS, Clock, clock_ns
+from fbgraph.columns.guesses import ClockKind, Guess
 from fbgraph.columns.tick_counts import damage, distinct, progress, step_of, unwrapped, wraps_of
 from fbgraph.columns.time_texts import kind_of_text
 from fbgraph.columns.units import UNITS, shown

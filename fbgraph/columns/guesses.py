@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
+
+ClockKind = Literal["ticks", "days", "stamps", "date_and_time", "time_of_day", "hms", "samples"]
+"""How a clock is read: see ``columns.clock_times.Clock``."""
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from fbgraph.core.safe_text import short_name
 from fbgraph.core.sensor_log import Stream
 from fbgraph.physics.judge_sensors import judge_sensors
 from fbgraph.physics.judgement import Judged, Judgement
+from fbgraph.physics.likely_samples import likely
 from fbgraph.readers.canonical_csv import noted_preset
 from fbgraph.readers.cleaning import are_repeated, kept
 from fbgraph.readers.formats import format_of
@@ -30,9 +31,7 @@ from fbgraph.readers.reading import Reading
 from fbgraph.tables.table import Table
 
 SENSORS = ("acc", "gyro", "mag", "pressure")
-_LARGEST = {"acc": 50.0, "linear_acc": 1e3, "gravity": 50.0, "gyro": 1e4, "mag": 50.0}  # times the usual
 _HANGS_NS = 1_000_000_000
-_SPIKE = 4.0  # times what nine of ten samples do not pass: nobody's foot strikes as hard, in any unit
 _COMMON_SHARE = 0.01  # of rows, from which a shorter one is a habit of the logger, not a line cut short
 
 
@@ -179,7 +178,7 @@ def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequen
     """What a pick's columns hold, in order of time, with the signs that its app is known to need."""
     values = table.numbers(pick.columns)
     good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS) & table.whole(widths)
-    good &= _likely(name, values, good)
+    good &= likely(name, values, good)
     t, values = kept(good, t_ns, values)
     if (np.array(pick.signs) != 1).any():
         values = values * np.array(pick.signs)
@@ -202,17 +201,6 @@ def _alive(t_ns: IntArray, values: FloatArray) -> BoolArray:
     last = np.append(first[1:] - 1, len(values) - 1)
     hangs = t_ns[last] - t_ns[first] > _HANGS_NS
     return ~np.repeat(hangs, last - first + 1) if hangs.any() and not hangs.all() else np.ones(len(values), dtype=bool)
-
-
-def _likely(name: str, values: FloatArray, good: BoolArray) -> BoolArray:
-    """Which rows have numbers like the others': one that a garbled line made huge would outweigh a walk's."""
-    size = np.abs(values if good.all() else np.where(good[:, None], values, 0.0)).max(axis=1)
-    usual = float(np.median(size[good])) if good.any() else 0.0
-    most = _LARGEST.get(name, np.inf) * usual
-    if name == "acc" and good.any():  # spikes of a tenth of the samples at most
-        most = min(most, _SPIKE * float(np.percentile(size[good], 90)))
-    likely: BoolArray = size <= most
-    return likely if usual > 0.0 else np.ones(len(size), dtype=bool)
 
 
 def _restored(samples: Mapping[str, Stream], picks: Mapping[str, Pick]) -> Stream:

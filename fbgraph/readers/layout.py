@@ -13,7 +13,7 @@ import numpy as np
 import tomli_w
 from pydantic import Field, field_validator, model_validator
 
-from fbgraph.columns.clock_times import ClockKind
+from fbgraph.columns.guesses import ClockKind
 from fbgraph.core.bounded import CONFIG_BYTES, small_file
 from fbgraph.core.config_text import parse_toml
 from fbgraph.core.errors import ConfigError, DataError

@@ -23,6 +23,7 @@ from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.core.sensor_log import SensorLog, Stream
 from fbgraph.physics.judge_sensors import judge_sensors
+from fbgraph.physics.likely_samples import likely
 from fbgraph.readers.cleaning import LIMITS, RawLog, RawStream, assemble, drop_repeats
 from fbgraph.study.column_names import ColumnsConfig, DatasetConfig
 from fbgraph.tables.table import Column
@@ -290,7 +291,7 @@ def _log(
             named[quantity] = UNITS[quantity][unit_of(known, quantity)]
     t_ns, told = _times(table, found, numbers, config)
     notices += told
-    streams = {sensor: _stream(t_ns, readings) for sensor, readings in values.items()}
+    streams = {sensor: _stream(sensor, t_ns, readings) for sensor, readings in values.items()}
     judged = judge_sensors(streams["acc"], streams["gyro"], streams.get("mag"), streams.get("pressure"), named)
     readings: dict[str, FloatArray] = {}
     for sensor, raw_values in values.items():
@@ -328,9 +329,10 @@ def _times(
     return clock_ns(times, clock), [clock.text] if clock.text else []
 
 
-def _stream(t_ns: IntArray, values: FloatArray) -> Stream:
-    """What a sensor says, in order of time."""
+def _stream(name: str, t_ns: IntArray, values: FloatArray) -> Stream:
+    """What a sensor says, in order of time, without numbers that a garbled line made huge."""
     good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS)
+    good &= likely(name, values, good)
     t, first = np.unique(t_ns[good], return_index=True)
     t_s: FloatArray = (t - t[:1]) / 1e9
     return Stream(t_s, values[good][first])

@@ -204,6 +204,20 @@ def test_a_turned_map_is_turned_back(table: pd.DataFrame, tmp_path: Path) -> Non
     assert np.allclose(np.exp(1j * trial.truth.heading_rad), np.exp(1j * table["gt_heading_rad"]), atol=1e-9)
 
 
+@pytest.mark.parametrize("column", ["ax_g", "gy_dps", "mz_ut"])
+def test_one_garbled_number_decides_nothing(table: pd.DataFrame, tmp_path: Path, column: str) -> None:
+    table.to_csv(tmp_path / "good.csv", index=False)
+    garbled = table.copy()
+    garbled.loc[100, column] = 1e300
+    garbled.to_csv(tmp_path / "odd.csv", index=False)
+    good, odd = (only(tmp_path / name, LAYOUT).log for name in ("good.csv", "odd.csv"))
+    for name in ("acc", "gyro", "mag"):
+        t_s, values = getattr(odd, name).t_s, getattr(odd, name).values
+        there = np.isin(getattr(good, name).t_s, t_s)
+        assert there.sum() >= len(there) - 1
+        np.testing.assert_array_equal(values, getattr(good, name).values[there])
+
+
 def test_bad_tables_among_good_ones_are_named_and_left_out(folder: Path, tmp_path: Path) -> None:
     for file in folder.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
