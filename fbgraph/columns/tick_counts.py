@@ -29,6 +29,7 @@ def wraps_of(unit: str) -> tuple[float, ...]:
     return tuple(sorted(spans))
 
 
+@np.errstate(over="ignore")  # ticks that a garbled line made huge
 def unwrapped(values: NDArray[Any], spans: Sequence[float]) -> tuple[FloatArray | IntArray, float]:
     """Ticks that go on where their counter began again, and after how many it did (0.0 if it never did).
 

@@ -12,6 +12,7 @@ from support.tables_by_hand import table_of
 from fbgraph.columns.clock_times import Clock, RunningClock, clock_ns
 from fbgraph.columns.clocks import find_clock
 from fbgraph.columns.column_names import guess_columns
+from fbgraph.columns.tick_counts import unwrapped
 from fbgraph.columns.time_texts import stamps_ns
 from fbgraph.core.errors import DataError
 from fbgraph.core.nanoseconds import MAX_T_NS
@@ -153,6 +154,16 @@ def test_rows_out_of_order_keep_their_times() -> None:
     order = np.arange(300).reshape(-1, 4)[:, [3, 0, 1, 2]].ravel()
     table = walk(time=1_730_000_000_000_000_000 + MS[order] * 1_000_000)
     np.testing.assert_array_equal(clock_ns(table, found(table)) // 1_000_000 - 1_730_000_000_000, MS[order])
+
+
+@pytest.mark.parametrize("huge", [1e308, -1e308])
+def test_a_tick_that_a_garbled_line_made_huge_is_no_wrap(huge: float) -> None:
+    ticks = np.arange(200.0)
+    ticks[[50, 51]] = huge, -huge
+    with np.errstate(all="raise"):
+        same, span = unwrapped(ticks, (2.0**16,))
+    assert span == 0.0
+    np.testing.assert_array_equal(same, ticks)
 
 
 def test_a_restart_is_no_wrap() -> None:
