@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from fbgraph.api import log_from_dataframe as log_from_dataframe
     from fbgraph.api import simulate as simulate
     from fbgraph.api import smooth as smooth
+    from fbgraph.calibration.calibrate_logs import calibrate as calibrate
     from fbgraph.core.checkpoints import Checkpoints as Checkpoints
     from fbgraph.core.config import Config as Config
     from fbgraph.core.config import load_config as load_config
@@ -70,6 +71,7 @@ ROOMS = (
     "recording",
     "study",
     "pipeline",
+    "calibration",
     "inspection",
     "session",
     "live",
@@ -81,6 +83,7 @@ ROOMS = (
 
 _WHERE = {
     **dict.fromkeys(("OnlineSmoother", "Walk", "load_run", "log_from_dataframe", "simulate", "smooth"), "api"),
+    "calibrate": "calibration.calibrate_logs",
     "Checkpoints": "core.checkpoints",
     **dict.fromkeys(("Config", "load_config"), "core.config"),
     **dict.fromkeys(("ConfigError", "DataError", "EstimationError", "FbgraphError"), "core.errors"),

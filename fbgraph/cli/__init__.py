@@ -2,11 +2,12 @@
 
 ``app`` holds the options that commands share, errors, exit codes and the order of help; ``printing`` the tables. The
 commands, which are known once they are imported, are in ``smooth_online``, ``play_command``, ``run_commands`` (view,
-record, guide), ``evaluate_plot``, ``inspect_convert``, ``export_commands`` and ``simulate_study`` (formats and config
-too).
+record, guide), ``evaluate_plot``, ``inspect_convert``, ``export_commands``, ``calibrate_command`` and
+``simulate_study`` (formats and config too).
 """
 
 from fbgraph.cli import (
+    calibrate_command,
     evaluate_plot,
     export_commands,
     inspect_convert,
@@ -18,6 +19,7 @@ from fbgraph.cli import (
 from fbgraph.cli.app import main
 
 __all__ = [
+    "calibrate_command",
     "evaluate_plot",
     "export_commands",
     "inspect_convert",

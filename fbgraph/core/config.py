@@ -27,6 +27,7 @@ BriefSeconds = Annotated[float, Field(gt=0, le=10.0)]
 """No longer than the front end remembers."""
 Metres = Annotated[float, Field(gt=0, le=10.0)]
 """Of a step."""
+MicroTesla = Annotated[float, Field(ge=-5000.0, le=5000.0)]
 Sigma = Annotated[float, Field(ge=1e-6, le=1e9)]
 
 
@@ -44,6 +45,11 @@ class DeviceConfig(Section):
     it up where the place is known (``core.earth_field``); elsewhere y is magnetic North."""
     declination_by: Annotated[str, Field(max_length=300)] = ""
     """Where a declination that was looked up comes from; written by the run, and not read but told."""
+    iron_ut: tuple[MicroTesla, MicroTesla, MicroTesla] = (0.0, 0.0, 0.0)
+    """The device's own iron (hard iron), body axes; taken off the magnetometer. What is left has
+    ``graph.sigma_iron_ut``. ``fbgraph calibrate`` finds it."""
+    gyro_scale: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
+    """Share by which the gyroscope shows too much of a turn; taken out. What is left has ``graph.sigma_gyro_scale``."""
 
     @field_validator("declination_deg", mode="before")
     @classmethod
@@ -168,6 +174,18 @@ class StepLengthConfig(Section):
     tilt has not settled, and who sets out with the log takes shorter steps than the model knows."""
     shortest_m: Metres = 0.15
     """No step is shorter, whatever the slope."""
+    calibrated_hz: tuple[NonNegative, NonNegative] | tuple[()] = ()
+    """Lowest and highest step frequency to which ``fbgraph calibrate`` fitted the coefficients; empty if it did not.
+    Steps outside are told."""
+    calibrated_surge_m_s: tuple[NonNegative, NonNegative] | tuple[()] = ()
+    """The same of the surge."""
+
+    @field_validator("calibrated_hz", "calibrated_surge_m_s")
+    @classmethod
+    def _in_order(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if value and value[0] > value[1]:
+            raise ValueError("expected the lowest and the highest")
+        return value
 
 
 class EkfConfig(Section):

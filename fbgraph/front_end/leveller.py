@@ -34,6 +34,8 @@ class Leveller:
         self._dt_s = 1.0 / config.rate_hz
         mount = np.asarray(device.mount, dtype=float)
         self._mount_b = mount / np.linalg.norm(mount)
+        self._iron_b = np.asarray(device.iron_ut, dtype=float)
+        self._gyro_gain = 1.0 - device.gyro_scale
         self._north_rad = np.pi / 2.0 - np.radians(device.declination_deg or 0.0)
         self._acc = IntervalMean(3, config.max_gap_s)
         self._gyro = IntervalMean(3, config.max_gap_s)
@@ -87,7 +89,8 @@ class Leveller:
         t_s: FloatArray = np.asarray(index * self._dt_s, dtype=np.float64)
         acc_b, acc_ok = self._acc.means(index, self._dt_s)
         gyro_b, gyro_ok = self._gyro.means(index, self._dt_s)
-        mag_b = _interpolate(self._mag, t_s, self._config.max_gap_s)
+        mag_b = _interpolate(self._mag, t_s, self._config.max_gap_s) - self._iron_b
+        gyro_b *= self._gyro_gain
         keep = acc_ok & gyro_ok
         if keep.all():
             return index, acc_b, gyro_b, mag_b

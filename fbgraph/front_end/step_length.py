@@ -34,14 +34,19 @@ FITTED_SURGE_M_S = 1.0
 
 
 def flat_length_m(config: StepLengthConfig, frequency_hz: float, surge_m_s: float) -> float:
-    """Length of a step on the level; a cadence beyond those measured counts as the nearest, but in the paper's line."""
-    f = frequency_hz
-    if config.beta2_m_s2 != 0.0:
-        f = min(max(f, FITTED_HZ[0]), FITTED_HZ[1])
-    elif config.beta_m_s < 0.0:  # a length that shrinks with cadence does so within the cadences it was measured at
-        f = min(f, FITTED_HZ[1])
+    """Length of a step on the level."""
+    f = cadence_of(config, frequency_hz)
     paper_m = config.alpha_m + config.beta_m_s * f
     return float(paper_m + config.beta2_m_s2 * f**2 + config.kappa_surge * min(surge_m_s, FULL_SURGE_M_S) ** 0.5)
+
+
+def cadence_of(config: StepLengthConfig, frequency_hz: float) -> float:
+    """The f of a step: a cadence beyond those measured counts as the nearest, but in the paper's line."""
+    if config.beta2_m_s2 != 0.0:
+        return min(max(frequency_hz, FITTED_HZ[0]), FITTED_HZ[1])
+    # a length that shrinks with cadence does so within the cadences it was measured at
+    most_hz = FITTED_HZ[1] if config.beta_m_s < 0.0 else math.inf
+    return min(frequency_hz, most_hz)
 
 
 def surge_of(acc_level_m_s2: FloatArray, rate_hz: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from fbgraph.core.checkpoints import Checkpoints, anchor_breadcrumbs
 from fbgraph.core.geometry import FloatArray, turned, wrap_angle
 from fbgraph.run.altitude_findings import altitude_findings
+from fbgraph.run.calibration_findings import calibration_findings
 from fbgraph.run.device_findings import device_findings
 from fbgraph.run.finding import Finding
 from fbgraph.run.metrics import RigidFit, fit_to_truth, leg_errors
@@ -30,6 +31,7 @@ def walk_findings(result: WalkResult) -> list[Finding]:
     placed = _places(result), _axis(result), _truth(result)
     kinds = (_compass(result), _steps(result), _gaps(result), air, *placed, device)
     chosen = [f for kind in kinds for f in sorted(kind, key=lambda f: f.start_s - f.end_s)[:_MOST]]
+    chosen += calibration_findings(result.track, result.config.step_length)
     return sorted([*_doubts(result), *chosen, *_worn(result), *_bias(result)], key=lambda finding: finding.start_s)
 
 

@@ -241,18 +241,24 @@ def leg_errors(
         min_leg_m: checkpoints closer to the one before are skipped: their direction is that of the survey's error; 2 m
             if None, and eight standard deviations of a receiver's fixes.
     """
-    if min_leg_m is None:
-        min_leg_m = max(_LEG_M, _LEG_SIGMAS * float(np.median(truth.sigma_m))) if truth.gnss else _LEG_M
     t_s = truth.t_s - t0_s
     places = truth.xy_m
-    chosen = [0]
-    for i, place in enumerate(places.tolist()):
-        if math.dist(place, places[chosen[-1]]) >= min_leg_m:
-            chosen.append(i)
+    chosen = leg_ends(truth, min_leg_m)
     estimated = np.diff(trajectory.at(t_s[chosen])[:, :2], axis=0) @ (1.0, 1j)
     true = np.diff(places[chosen], axis=0) @ (1.0, 1j)
     ratio = estimated / true
     return LegErrors(t_s[chosen[:-1]], t_s[chosen[1:]], np.abs(ratio) - 1.0, np.angle(ratio))
+
+
+def leg_ends(truth: Checkpoints, min_leg_m: float | None = None) -> list[int]:
+    """Indices of the checkpoints between which legs lie; ``min_leg_m`` as in ``leg_errors``."""
+    if min_leg_m is None:
+        min_leg_m = max(_LEG_M, _LEG_SIGMAS * float(np.median(truth.sigma_m))) if truth.gnss else _LEG_M
+    chosen = [0]
+    for i, place in enumerate(truth.xy_m.tolist()):
+        if math.dist(place, truth.xy_m[chosen[-1]]) >= min_leg_m:
+            chosen.append(i)
+    return chosen
 
 
 @dataclass(frozen=True)

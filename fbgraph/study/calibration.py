@@ -1,9 +1,9 @@
 """Parameters of step detection and step length, fitted to trials (paper, section Parameter Selection).
 
-α, β and γ of L = α + β f + γ s by least squares, θ = (XᵀX)⁻¹ Xᵀ L: a row for each route segment between checkpoints
-with the mean step frequency and slope there, and its length over the number of steps as the reference step length. L0
-of the baseline is the same fit with the constant alone. λ by trying: the paper chose it "empirically to avoid false
-step detections while preserving true walking peaks".
+α, β and γ of L = α + β f + γ s by least squares (``front_end.length_fit``): a row for each route segment between
+checkpoints with the mean step frequency and slope there, and its length over the number of steps as the reference step
+length. L0 of the baseline is the same fit with the constant alone. λ by trying: the paper chose it "empirically to
+avoid false step detections while preserving true walking peaks".
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from fbgraph.core.config import Config, StepLengthConfig
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.front_end.length_fit import least_squares, step_shares
 from fbgraph.front_end.step_track import StepTrack
 from fbgraph.study.trial import Trial, Turns
 
@@ -85,12 +86,11 @@ def evidence(track: StepTrack | None, trial: Trial, turns: Turns) -> Evidence:
         return Evidence(np.empty((0, 3)), miscounted)
     inner = trial.checkpoint_s[1:-1] if len(trial.checkpoint_s) > 2 else turns.t_s
     truth = trial.truth
-    start_s, end_s = track.start_s[1:], track.t_s[1:]
-    edges = np.concatenate(([min(truth.t_s[0], start_s[0])], inner, [max(truth.t_s[-1], end_s[-1])]))
+    edges = np.concatenate(([min(truth.t_s[0], track.start_s[1])], inner, [max(truth.t_s[-1], track.t_s[-1])]))
     walked_m = np.interp(edges, truth.t_s, truth.distance_m)
     rows = []
     for (lo, hi), length_m in zip(pairwise(edges), np.diff(walked_m), strict=True):
-        share = np.clip(np.minimum(end_s, hi) - np.maximum(start_s, lo), 0.0, None) / (end_s - start_s)
+        share = step_shares(track, lo, hi)
         steps = float(share.sum())
         if steps >= 1.0:
             frequency, slope = (float((share * v[1:]).sum()) / steps for v in (track.frequency_hz, track.slope))
@@ -137,7 +137,7 @@ def _regress(rows: FloatArray, config: StepLengthConfig, lambda_sigma: float) ->
     values = {name: float(getattr(config, name)) for name in features}
     rest = length - sum((values[name] * features[name] for name in kept), np.zeros(len(rows)))
     fitted = [name for name in features if name not in kept]
-    solution = np.linalg.lstsq(np.column_stack([features[name] for name in fitted]), rest, rcond=None)[0]
+    solution, _ = least_squares(np.column_stack([features[name] for name in fitted]), rest)
     values |= dict(zip(fitted, solution.tolist(), strict=True))
     residual = length - sum((values[name] * features[name] for name in features), np.zeros(len(rows)))
     return StepModel(
