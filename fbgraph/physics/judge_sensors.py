@@ -12,7 +12,6 @@ from fbgraph.physics.magnetometer_axes import judge_gravity_sign, judge_magnetom
 from fbgraph.physics.sensor_axes import Turning, Vote, told_axes, vote
 from fbgraph.physics.sensor_units import judge_accelerometer, judge_gyroscope_unit, judge_pressure
 
-_LONG_S, _PIECES, _PIECE_S = 600.0, 30, 10.0  # of a longer log so many pieces of so many seconds are looked at
 _NAMES = {"acc": "accelerometer", "gyro": "gyroscope"}
 
 
@@ -33,7 +32,6 @@ def judge_sensors(
         Scales and axes: SI in the device's axes is ``scale * values @ axes.T``.
     """
     named = named_scales or {}
-    acc, gyro, mag = _pieces(acc, gyro, mag)
     unit = judge_accelerometer(acc, named.get("acc"))
     air = judge_pressure(pressure.values, named.get("pressure")) if pressure is not None and len(pressure) else None
     mag = mag if mag is not None and len(mag) > 1 and len(acc) else None  # without gravity no dip
@@ -61,21 +59,6 @@ def judge_sensors(
             text="; ".join(text for text in (acc_now.text, sign.text) if text),
         )
     return Judged(acc_now, gyro_now, compass, air, voted.sure or voted.culprit != "none")
-
-
-def _pieces(acc: Stream, gyro: Stream, mag: Stream | None) -> tuple[Stream, Stream, Stream | None]:
-    """The same, of a long log evenly spaced pieces: an hour tells no more than ten minutes."""
-    end_s = float(acc.t_s[-1]) if len(acc) else 0.0
-    start_s = float(acc.t_s[0]) if len(acc) else 0.0
-    if end_s - start_s <= _LONG_S:
-        return acc, gyro, mag
-    starts_s = np.linspace(start_s, end_s - _PIECE_S, _PIECES)
-
-    def thinned(stream: Stream) -> Stream:
-        pieces = [stream.between(t_s, t_s + _PIECE_S) for t_s in starts_s]
-        return Stream(np.concatenate([p.t_s for p in pieces]), np.concatenate([p.values for p in pieces]))
-
-    return thinned(acc), thinned(gyro), None if mag is None else thinned(mag)
 
 
 def _with_axes(sensor: str, unit: Judgement, voted: Vote) -> Judgement:

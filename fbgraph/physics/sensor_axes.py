@@ -8,7 +8,7 @@ without. So the magnetometer votes on the first, and simplicity and the field's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -59,6 +59,7 @@ class Turning:
 
     acc: Windows
     mag: Windows
+    _field: dict[float, Residuals | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, acc: Stream, gyro: Stream, mag: Stream | None) -> Turning:
@@ -71,11 +72,11 @@ class Turning:
         return _both_hands(self.acc, scale, "bias", _BIAS_RAD_S)
 
     def field(self, scale: float) -> Residuals | None:
-        """The same of Earth's field."""
-        if len(self.mag) < _FEW:
-            return None
-        usual = float(np.median(np.linalg.norm(self.mag.vector, axis=-1)))
-        return _both_hands(self.mag, scale, "offset", _IRON * max(usual, 1e-9))
+        """The same of Earth's field; solved once for a scale, for vote and hard iron ask the same."""
+        if scale not in self._field and len(self.mag) >= _FEW:
+            usual = float(np.median(np.linalg.norm(self.mag.vector, axis=-1)))
+            self._field[scale] = _both_hands(self.mag, scale, "offset", _IRON * max(usual, 1e-9))
+        return self._field.get(scale)
 
 
 def _both_hands(windows: Windows, scale: float, free: str, prior: float) -> Residuals | None:

@@ -158,7 +158,8 @@ def integrate(rate_rad_s: FloatArray) -> FloatArray:
     x, y, z = turn[..., 0], turn[..., 1], turn[..., 2]
     skew[..., 0, 1], skew[..., 0, 2], skew[..., 1, 2] = -z, y, -x
     skew[..., 1, 0], skew[..., 2, 0], skew[..., 2, 1] = z, -y, x
-    step = np.eye(3) + np.sinc(angle / np.pi) * skew + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (skew @ skew)
+    square = turn[..., :, None] * turn[..., None, :] - angle**2 * np.eye(3)  # of the skew matrix
+    step = np.eye(3) + np.sinc(angle / np.pi) * skew + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * square
     turned = np.empty_like(step)
     now = np.broadcast_to(np.eye(3), step.shape[1:])
     for i in range(len(step)):
@@ -193,22 +194,28 @@ def residuals(rotations: FloatArray, vector: FloatArray, free: str, prior: float
         design = _cross(mean)
     else:
         rotating = -(turned @ slope).reshape(windows, 3, 3)
-        design = np.broadcast_to(rotating, (24, windows, 3, 3))
+        design = rotating[None]
     size_of_vector = float(np.median(np.linalg.norm(vector, axis=-1))) or 1.0
     return _solve(moved, design, prior, _LEAST_SPREAD * size_of_vector)
 
 
 def _solve(moved: FloatArray, design: FloatArray, prior: float, floor: float) -> Residuals:
-    """Reweighted least squares of ``moved = design @ free`` for every hypothesis at once."""
-    flat = design.reshape(len(moved), -1, 3)
+    """Reweighted least squares of ``moved = design @ free`` for every hypothesis at once.
+
+    Args:
+        moved: (H, W, 3).
+        design: (H, W, 3, 3), or (1, W, 3, 3) of all hypotheses.
+    """
+    flat = design.reshape(len(design), -1, 3)
+    squares = np.einsum("hwki,hwkj->hwij", design, design).reshape(*design.shape[:2], 9)
+    rights = np.einsum("hwki,hwk->hwi", np.broadcast_to(design, (*moved.shape, 3)), moved)
     free = np.zeros((len(moved), 3))
     size = np.linalg.norm(moved, axis=-1)
     for _ in range(_ROUNDS):
         spread = np.maximum(np.median(size, axis=1), floor)[:, None]
-        weight = 1.0 / (spread**2 + size**2)
-        weighted = (design * weight[..., None, None]).reshape(flat.shape).swapaxes(1, 2)
-        normal, right = weighted @ flat + np.eye(3) / prior**2, weighted @ moved.reshape(len(moved), -1, 1)
-        solved = np.linalg.solve(normal, right)
+        weight = (1.0 / (spread**2 + size**2))[:, None]
+        normal, right = (weight @ squares).reshape(-1, 3, 3) + np.eye(3) / prior**2, weight @ rights
+        solved = np.linalg.solve(normal, right.swapaxes(1, 2))
         free = solved[..., 0]
         size = np.linalg.norm(moved - (flat @ solved).reshape(moved.shape), axis=-1)
     return Residuals(size, free)

@@ -23,6 +23,7 @@ from fbgraph.core.sensor_log import Stream
 from fbgraph.physics.judge_sensors import judge_sensors
 from fbgraph.physics.judgement import Judged, Judgement
 from fbgraph.physics.likely_samples import likely
+from fbgraph.physics.pieces import Pieces
 from fbgraph.readers.canonical_csv import noted_preset
 from fbgraph.readers.cleaning import are_repeated, kept
 from fbgraph.readers.formats import format_of
@@ -32,6 +33,7 @@ from fbgraph.tables.table import Table
 
 SENSORS = ("acc", "gyro", "mag", "pressure")
 _HANGS_NS = 1_000_000_000
+_FEW_SAMPLES = 300  # of pieces of a log, from which nothing is told
 _COMMON_SHARE = 0.01  # of rows, from which a shorter one is a habit of the logger, not a line cut short
 
 
@@ -57,11 +59,7 @@ def decide(tables: Sequence[Table], source: object, rate_hz: float | None = None
     whole = {i: tables[i] if tables[i].widths is None else tables[i].rows(tables[i].whole(widths[i])) for i in used}
     clocks = {i: find_clock(whole[i] if len(whole[i]) else tables[i], guesses[i], rate_hz, labels) for i in used}
     t_ns = {i: clock_ns(tables[i], clock) for i, clock in clocks.items()}
-    samples = {
-        name: _samples(name, tables[pick.table], pick, t_ns[pick.table], widths[pick.table])
-        for name, pick in picks.items()
-        if pick.table in clocks and name in (*SENSORS, "linear_acc", "gravity")
-    }
+    samples = _looked_at({i: (tables[i], t_ns[i], widths[i]) for i in used}, picks)
     named = {name: UNITS[name][pick.unit] for name, pick in picks.items() if name in SENSORS and pick.unit}
     if "acc" not in samples:
         samples["acc"], named["acc"] = _restored(samples, picks), 1.0
@@ -174,8 +172,33 @@ def _ends_a_sensor(best: Mapping[int, Guess], width: int) -> bool:
     return not (same and after.axis not in ("", "x"))
 
 
-def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequence[int]) -> Stream:
-    """What a pick's columns hold, in order of time, with the signs that its app is known to need."""
+def _looked_at(
+    tables: Mapping[int, tuple[Table, IntArray, Sequence[int]]], picks: Mapping[str, Pick]
+) -> dict[str, Stream]:
+    """What the picked sensors say, of a long log in pieces; of one that speaks seldom they tell too little.
+
+    Args:
+        tables: with the times of their rows, and how many fields those may have.
+        picks: by quantity.
+    """
+    sensors = {name: pick for name, pick in picks.items() if name in (*SENSORS, "linear_acc", "gravity")}
+    inertial = picks["acc"] if "acc" in picks else picks["linear_acc"]
+    pieces = Pieces.of(tables[inertial.table][1])
+    samples = {}
+    if pieces is not None:
+        seen = {}
+        for i, (table, t_ns, widths) in tables.items():
+            rows, moved_ns = pieces.rows(t_ns)
+            seen[i] = table.rows(rows), moved_ns, widths
+        samples = {name: _samples(name, *seen[pick.table], pick) for name, pick in sensors.items()}
+    if not samples or min(len(t_ns) for t_ns, _ in samples.values()) < _FEW_SAMPLES:
+        samples = {name: _samples(name, *tables[pick.table], pick) for name, pick in sensors.items()}
+    first_ns = min((int(t_ns[0]) for t_ns, _ in samples.values() if len(t_ns)), default=0)
+    return {name: Stream(np.asarray((t_ns - first_ns) * 1e-9), values) for name, (t_ns, values) in samples.items()}
+
+
+def _samples(name: str, table: Table, t_ns: IntArray, widths: Sequence[int], pick: Pick) -> tuple[IntArray, FloatArray]:
+    """What a pick's columns hold (N, D) and when, in order of time, with the signs that its app is known to need."""
     values = table.numbers(pick.columns)
     good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS) & table.whole(widths)
     good &= likely(name, values, good)
@@ -188,7 +211,7 @@ def _samples(name: str, table: Table, pick: Pick, t_ns: IntArray, widths: Sequen
     alive = _alive(t, values) if name in ("acc", "gyro", "mag") else np.ones(len(t), dtype=bool)
     if not alive.all():
         t, values = t[alive], values[alive]
-    return Stream((t - (t[0] if len(t) else 0)) * 1e-9, values)
+    return t, values
 
 
 def _alive(t_ns: IntArray, values: FloatArray) -> BoolArray:
