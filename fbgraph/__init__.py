@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from fbgraph.api import simulate as simulate
     from fbgraph.api import smooth as smooth
     from fbgraph.calibration.calibrate_logs import calibrate as calibrate
+    from fbgraph.core.building import Building as Building
     from fbgraph.core.checkpoints import Checkpoints as Checkpoints
     from fbgraph.core.config import Config as Config
     from fbgraph.core.config import load_config as load_config
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from fbgraph.core.errors import FbgraphError as FbgraphError
     from fbgraph.core.sensor_log import SensorLog as SensorLog
     from fbgraph.core.trajectory import Trajectory as Trajectory
+    from fbgraph.learning import learn_building as learn_building
     from fbgraph.readers import read_log as read_log
     from fbgraph.readers.places import read_checkpoints as read_checkpoints
 
@@ -76,6 +78,7 @@ ROOMS = (
     "session",
     "live",
     "reruns",
+    "learning",
     "api",
     "cli",
 )
@@ -84,11 +87,13 @@ ROOMS = (
 _WHERE = {
     **dict.fromkeys(("OnlineSmoother", "Walk", "load_run", "log_from_dataframe", "simulate", "smooth"), "api"),
     "calibrate": "calibration.calibrate_logs",
+    "Building": "core.building",
     "Checkpoints": "core.checkpoints",
     **dict.fromkeys(("Config", "load_config"), "core.config"),
     **dict.fromkeys(("ConfigError", "DataError", "EstimationError", "FbgraphError"), "core.errors"),
     "SensorLog": "core.sensor_log",
     "Trajectory": "core.trajectory",
+    "learn_building": "learning",
     "read_checkpoints": "readers.places",
     "read_log": "readers",
 }

@@ -2,8 +2,8 @@
 
 ``app`` holds the options that commands share, errors, exit codes and the order of help; ``printing`` the tables. The
 commands, which are known once they are imported, are in ``smooth_online``, ``play_command``, ``run_commands`` (view,
-record, guide), ``evaluate_plot``, ``inspect_convert``, ``export_commands``, ``calibrate_command`` and
-``simulate_study`` (formats and config too).
+record, guide), ``evaluate_plot``, ``inspect_convert``, ``export_commands``, ``calibrate_command``, ``learn_commands``
+and ``simulate_study`` (formats and config too).
 """
 
 from fbgraph.cli import (
@@ -11,6 +11,7 @@ from fbgraph.cli import (
     evaluate_plot,
     export_commands,
     inspect_convert,
+    learn_commands,
     play_command,
     run_commands,
     simulate_study,
@@ -23,6 +24,7 @@ __all__ = [
     "evaluate_plot",
     "export_commands",
     "inspect_convert",
+    "learn_commands",
     "main",
     "play_command",
     "run_commands",

@@ -10,7 +10,7 @@ import numpy as np
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Integrity, Verdict
-from fbgraph.integrity.aid_checks import aids_that_contradict, closures_doubted
+from fbgraph.integrity.aid_checks import aids_that_contradict, closures_doubted, field_unlike_the_building
 from fbgraph.integrity.carrying_checks import mount_does_not_fit, turned_in_hand
 from fbgraph.integrity.compass_checks import compass_against_gyroscope, field_strength, field_upside_down
 from fbgraph.integrity.evidence import Check, Doubt, Evidence, SensedCheck
@@ -65,6 +65,7 @@ CHECKS: tuple[Check, ...] = (
     turned_in_hand,
     aids_that_contradict,
     closures_doubted,
+    field_unlike_the_building,
 )
 """In no order: what they find is sorted by weight."""
 

@@ -73,7 +73,7 @@ def test_what_bends_or_is_short_is_no_straight_leg() -> None:
 def test_a_walk_is_turned_to_its_corridors(off_deg: float) -> None:
     found = laid(off_by(ROUND, off_deg), axis_deg=0.0)
     # what the legs ask, times what of it is the walk's and what the axis's, and what their own scatter leaves of it
-    share = CONFIG.sigma_mount_rad**2 / (CONFIG.sigma_mount_rad**2 + math.radians(2.0) ** 2)
+    share = 6.0**2 / (6.0**2 + 2.0**2)
     legs_deg = 8.0 / math.sqrt(11.0)
     prior_deg = math.degrees(math.hypot(CONFIG.sigma_mount_rad, math.radians(2.0)))
     assert turned_deg(found) == pytest.approx(-off_deg * share * prior_deg**2 / (prior_deg**2 + legs_deg**2), abs=0.25)
@@ -172,12 +172,13 @@ def test_what_is_left_is_what_legs_and_axis_leave() -> None:
     legs = Legs(np.radians([2.0, 92.0, 182.0]), np.full(3, 30.0), np.arange(3))
     for sigma_deg in (0.5, 3.0):
         fit = fit_axis(legs, WalkAxis(0.0, math.radians(sigma_deg)), CONFIG)
-        mount, axis, own = math.degrees(CONFIG.sigma_mount_rad), sigma_deg, 8.0 / 3.0
-        asked = -2.0 * (mount**2 + axis**2) / (mount**2 + axis**2 + own**2)
-        share = mount**2 / (mount**2 + axis**2)
+        own, prior = 8.0 / 3.0, math.hypot(math.degrees(CONFIG.sigma_mount_rad), sigma_deg)
+        asked, var = (1.0 / (1.0 + (own / prior) ** 2) * -2.0), 1.0 / (1.0 / prior**2 + 1.0 / own**2)
+        share = 6.0**2 / (6.0**2 + sigma_deg**2)
         assert math.degrees(fit.turned_rad) == pytest.approx(share * asked, abs=0.1)
-        var = 1.0 / (1.0 / mount**2 + 1.0 / (own**2 + axis**2))
-        assert math.degrees(fit.sigma_rad) == pytest.approx(math.sqrt(var), abs=0.1)
+        assert math.degrees(fit.sigma_rad) == pytest.approx(
+            math.hypot(share * math.sqrt(var), math.sqrt(share) * sigma_deg), abs=0.1
+        )
 
 
 def test_an_axis_anywhere_is_the_measure() -> None:
