@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from fbgraph.api import log_from_dataframe as log_from_dataframe
     from fbgraph.api import simulate as simulate
     from fbgraph.api import smooth as smooth
+    from fbgraph.batches.batch import batch as batch
     from fbgraph.calibration.calibrate_logs import calibrate as calibrate
     from fbgraph.core.building import Building as Building
     from fbgraph.core.checkpoints import Checkpoints as Checkpoints
@@ -79,6 +80,7 @@ ROOMS = (
     "live",
     "reruns",
     "learning",
+    "batches",
     "api",
     "cli",
 )
@@ -86,6 +88,7 @@ ROOMS = (
 
 _WHERE = {
     **dict.fromkeys(("OnlineSmoother", "Walk", "load_run", "log_from_dataframe", "simulate", "smooth"), "api"),
+    "batch": "batches.batch",
     "calibrate": "calibration.calibrate_logs",
     "Building": "core.building",
     "Checkpoints": "core.checkpoints",

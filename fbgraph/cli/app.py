@@ -32,7 +32,10 @@ def _typed_shown() -> Iterator[None]:
         raise
 
 
-_FIRST = ("smooth", "online", "inspect", "guide", "view", "plot", "evaluate", "export", "convert", "play", "calibrate")
+_FIRST = (
+    *("smooth", "online", "batch", "report", "inspect", "guide", "view", "plot"),
+    *("evaluate", "export", "convert", "play", "calibrate"),
+)
 """Commands that lead the help, in the order of a walk's life."""
 
 

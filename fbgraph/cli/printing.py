@@ -312,3 +312,22 @@ def study_progress_bar() -> Iterator[Callable[[str, float], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda stage, share: bar.update(task, description=stage, completed=share)
+
+
+@contextmanager
+def batch_progress_bar() -> Iterator[Callable[[Any], None]]:
+    """Logs of a batch that are over, how fast, failures and time left, on a terminal; nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda so_far: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = (TextColumn("{task.fields[count]}"), BarColumn(bar_width=None), TextColumn("{task.fields[pace]}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1, count="", pace="")
+
+        def show(so_far: Any) -> None:
+            bar.update(task, total=so_far.total, completed=so_far.over, count=so_far.count_text, pace=so_far.pace_text)
+
+        yield show

@@ -89,8 +89,8 @@ class Allowance:
             )
 
 
-def parse_size(text: str) -> int:
-    """Bytes of a size such as ``500M`` or ``2G``.
+def parse_size(text: str, option: str = "--max-size") -> int:
+    """Bytes of a size such as ``500M`` or ``2G``, which this option takes.
 
     Raises:
         ConfigError: it is none.
@@ -98,7 +98,7 @@ def parse_size(text: str) -> int:
     match = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?)\s*([KMGT]?)(?:I?B)?", text.strip().upper(), re.ASCII)
     size = round(float(match[1]) * _SIZES[match[2]]) if match else 0
     if size < 1:
-        raise ConfigError(f"--max-size {text}: expected a size such as 500M or 2G")
+        raise ConfigError(f"{option} {text}: expected a size such as 500M or 2G")
     return size
 
 

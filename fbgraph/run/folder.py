@@ -31,9 +31,11 @@ BREADCRUMB_HEADER = "k,t_s,x_m,y_m,z_m,yaw_rad,gyro_bias_rad_s,sigma_x_m,sigma_y
 RETURN_HEADER = "t_s,breadcrumb,breadcrumb_t_s,route_m,remaining_m,cross_track_m,instruction,off_route"
 RETURNS = "return.csv"
 RAW = "raw.csv"
+BATCH_NOTE = "batch.json"
+"""What a batch notes of a run: its row in the index."""
 RUN_FILES = {
     *(f"{name}.tum" for name in ("pdr", "ekf", "smoothed", "online")),
-    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", RAW, SAVED_LAYOUT, RETURNS, TRUTH),
+    *("breadcrumbs.csv", "summary.json", "config.toml", "recording.rrd", RAW, SAVED_LAYOUT, RETURNS, TRUTH, BATCH_NOTE),
 }
 
 

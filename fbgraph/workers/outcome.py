@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 import traceback
 from collections.abc import Callable
@@ -68,8 +69,8 @@ def explained(error: BaseException) -> tuple[str, str]:
     text = str(error).strip()
     if isinstance(error, FbgraphError):
         return cause, text
-    if cause == MEMORY:
-        return cause, "needs more memory than it may have"
+    if cause == MEMORY or getattr(error, "errno", None) == errno.ENOMEM:
+        return MEMORY, "needs more memory than it may have"
     where = traceback.extract_tb(error.__traceback__)
     at = f" ({where[-1].filename.rpartition('/')[2]}, line {where[-1].lineno})" if where else ""
     return cause, f"{type(error).__name__}: {text}{at}" if text else f"{type(error).__name__}{at}"

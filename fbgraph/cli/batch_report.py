@@ -1,0 +1,169 @@
+"""Commands for many logs: batch, report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fbgraph.cli.app import (
+    ClosedLoopOption,
+    ConfigOption,
+    FormatOption,
+    JsonOption,
+    LayoutOption,
+    MaxSizeOption,
+    NoRecordingOption,
+    OriginOption,
+    RateOption,
+    SetOption,
+    UseGnssOption,
+    app,
+)
+from fbgraph.cli.printing import batch_progress_bar, complain, say, say_json
+from fbgraph.core.errors import DataError
+from fbgraph.core.safe_text import short_name
+
+if TYPE_CHECKING:
+    from fbgraph.batches.run_batch import Batch
+
+
+@app.command(epilog="Examples: `fbgraph batch walks/ --out b`, `fbgraph batch 'site*/*.gz' more.csv --out b --resume`")
+def batch(
+    out: Annotated[
+        str,
+        typer.Option("--out", metavar="DIR", help="Folder of the batch, or s3://… and the like.", show_default=False),
+    ],
+    logs: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="LOGS…",
+            help="Files, quoted globs, folders, zips, addresses such as s3://…, or a manifest: CSV with the columns "
+            "log[,name][,truth][,anchors][,config]. NAME_truth.csv beside NAME.csv is its truth.",
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", min=0, help="Processes; one a core if absent, 0 for none but this.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Work on the Dask cluster of this scheduler instead."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on: runs that are done and whole stay as they are.")
+    ] = False,
+    timeout_s: Annotated[
+        float, typer.Option("--timeout", metavar="SECONDS", min=0.1, help="Stop a log that takes longer.")
+    ] = 3600.0,
+    memory: Annotated[
+        str | None,
+        typer.Option(metavar="SIZE", help="Stop a log that takes more: 2G; its share of the machine's if absent."),
+    ] = None,
+    retries: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Try again what died or met a failing disk or network.")
+    ] = 1,
+    config: ConfigOption = None,
+    set_: SetOption = None,
+    format_: FormatOption = None,
+    layout: LayoutOption = None,
+    rate: RateOption = None,
+    use_gnss: UseGnssOption = "none",
+    closed_loop: ClosedLoopOption = False,
+    origin: OriginOption = None,
+    out_and_back: Annotated[
+        bool,
+        typer.Option("--out-and-back/--no-out-and-back", help="Look for a turn-back; tie the way back to the way out."),
+    ] = True,
+    max_size: MaxSizeOption = None,
+    no_recording: NoRecordingOption = False,
+    force: Annotated[bool, typer.Option("--force", help="Write smoothed walks that are withheld too.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Smooth many logs: DIR/runs with a run folder each, DIR/index.csv and .parquet with a row each.
+
+    A log that fails, hangs or eats memory is stopped, named in the index with its reason, and stops no other; the
+    command then ends with code 3. The same bits come from one worker, from many, and from a cluster.
+    """
+    from fbgraph.batches.log_entry import BatchOptions
+    from fbgraph.batches.run_batch import HowToRun, run_batch
+    from fbgraph.core.bounded import parse_size
+    from fbgraph.core.georeference import parse_origin
+    from fbgraph.run.inputs import RunInputs
+
+    where = None if origin is None else parse_origin(origin)
+    most = None if max_size is None else parse_size(max_size)
+    RunInputs.of(None, format_, None, None, closed_loop, where, most, force, use_gnss, layout, rate)  # told at once
+    options = BatchOptions(
+        config=config,
+        overrides=(*(set_ or ()), *(() if out_and_back else ("returning.out_and_back=false",))),
+        format=format_,
+        use_gnss=use_gnss,
+        closed_walk=closed_loop,
+        origin=None if where is None else (where.lat_deg, where.lon_deg),
+        max_size=most,
+        forced=force,
+        layout=None if layout is None else str(layout),
+        rate_hz=rate,
+        recording=not no_recording,
+    )
+    most_memory = None if memory is None else parse_size(memory, "--memory")
+    how = HowToRun(workers, scheduler, timeout_s, most_memory, retries, resume)
+    with batch_progress_bar() as progress:
+        try:
+            result = run_batch(logs or (), out, options, how, complain, progress)
+        except SystemExit:
+            complain(f"--resume goes on with the batch in {out}")
+            raise
+    _show_batch(result, as_json)
+
+
+def _show_batch(result: Batch, as_json: bool) -> None:
+    """Print what became of the logs.
+
+    Raises:
+        DataError: some failed; told last.
+    """
+    from fbgraph.batches.statistics import coverage_of, errors_of, failures_of, verdict_counts
+
+    frame, end = result.index, result.progress
+    verdicts, failures = verdict_counts(frame), failures_of(frame)
+    if as_json:
+        columns = ["name", "log", "cause", "reason"]
+        failed = frame[frame["status"] == "failed"][columns].to_dict("records")
+        counts: dict[str, Any] = {"logs": end.total, "done": end.done, "failed": end.failed, "kept": end.kept}
+        say_json(
+            {"out": result.out, **counts, "seconds": round(end.seconds, 3), "verdicts": verdicts, "failures": failed}
+        )
+    else:
+        told = ", ".join(f"{count:,} {verdict}" for verdict, count in verdicts.items() if count)
+        kept = f"; {end.kept:,} were done before" if end.kept else ""
+        rate = f", {end.rate_hz:.2g} a second" if end.over > end.kept else ""
+        say(f"{end.total:,} logs: {end.done:,} done ({told or 'none'}), {end.failed:,} failed{kept}")
+        say(f"{duration_text(end.seconds)}{rate}")
+        for errors in errors_of(frame):
+            if errors.estimator == "smoothed":
+                half, _, most = errors.quantiles
+                say(
+                    f"{errors.walks:,} scored: RMSE median {half.text()} m, 95 % below {most.value:.2f} m, "
+                    f"worst {errors.worst_m:.2f} m"
+                )
+        if (covered := coverage_of(frame)) is not None:
+            say(f"{100.0 * covered[0] / covered[1]:.0f} % of {covered[1]:,} known places in the 95 % ellipses")
+        for one in failures:
+            first = "" if one.logs == 1 else "first "
+            say(f"failed, {one.cause}: {one.logs:,}; {first}{short_name(one.name)}: {one.reason}")
+        say(f"written to {result.out}")
+    if end.failed:
+        raise DataError(
+            f"{end.failed:,} of {end.total:,} logs failed; {Path('index.csv')} there names each with its reason"
+        )
+
+
+def duration_text(seconds: float) -> str:
+    """``2 h 05 min``, ``5 min 03 s``, ``12.3 s``."""
+    if seconds < 60.0:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
