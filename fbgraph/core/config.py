@@ -225,8 +225,8 @@ class GraphConfig(Section):
     """Heading error common to the whole walk: how the device is held, and the compass itself."""
     sigma_yaw_step_rad: Sigma = 0.02
     """Yaw change of a step by the gyroscope."""
-    sigma_bias_rad_s: Sigma = 0.008
-    """Gyroscope bias before any rest."""
+    sigma_bias_rad_s: Sigma = 0.004
+    """Gyroscope bias before any rest; phones take most of it out themselves, an M5StickC does not."""
     sigma_bias_walk_rad_s: Sigma = 1e-4
     """Bias random walk per root second."""
     sigma_gyro_scale: Sigma = 0.015

@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.geometry import BoolArray, FloatArray, wrap_angle
@@ -25,6 +26,9 @@ from fbgraph.front_end.step_track import Step
 _WEAK = 0.3  # of the usual strength: a weaker rest of the field tells no direction
 _FAINT_UT = 5.0
 _TAIL = 1.0  # degrees of freedom of Student's t: most devices are calibrated, some are far from it
+_PAIRS = 41  # of readings, of which a variance is told
+_MEDIAN_CHI2 = 0.4549364  # of one degree of freedom
+_ANYWHERE_RAD2 = math.pi**2 / 3.0  # variance of a compass that points anywhere
 H_X, H_Y, STRENGTH = range(3)
 """Of the state (h_x, h_y, H): hard iron and usual horizontal strength, µT."""
 
@@ -129,6 +133,34 @@ def compass_residuals(
         np.minimum(1.0, limit / np.maximum(np.abs(across), 1e-9)),
         np.minimum(1.0, limit / np.maximum(np.abs(strength), 1e-9)),
     )
+
+
+def scattered(
+    readings: CompassReadings, across_rad: FloatArray, distance_m: FloatArray, config: GraphConfig
+) -> CompassReadings:
+    """Readings with standard deviations as large as their residuals show; none gets a smaller one.
+
+    Two residuals a correlation length apart differ by a variance of 2 σ² if they are free of each other, by less if
+    not: half of the square is seen of σ² at the least, whether the noise is white or of the place (the far end of their
+    variogram). The variance of a reading is the median around it, together with what was believed of it before: single
+    outliers are the robust loss's, but where iron is so near that the compass points anywhere, it is not believed.
+
+    Args:
+        readings: (N,) of them.
+        across_rad: (N,) heading minus reading, iron taken out.
+        distance_m: (N,) walked until there.
+        config: of the graph.
+    """
+    after = np.searchsorted(distance_m, distance_m + config.mag_correlation_m)
+    pairs = int(np.searchsorted(after, len(readings)))  # of which the second exists
+    if pairs < _PAIRS:
+        return readings
+    squares = 0.5 * wrap_angle(across_rad[after[:pairs]] - across_rad[:pairs]) ** 2
+    seen = median_filter(squares, size=_PAIRS, mode="nearest") / _MEDIAN_CHI2
+    middle = np.searchsorted(0.5 * (after[:pairs] + np.arange(pairs)), np.arange(len(readings)))
+    variance = 0.5 * (config.sigma_mag_rad**2 + seen[np.minimum(middle, pairs - 1)])
+    own = np.maximum(readings.own_rad, np.sqrt(np.minimum(variance, _ANYWHERE_RAD2)))
+    return replace(readings, own_rad=own, sigma_rad=readings.sigma_rad * own / readings.own_rad)
 
 
 def iron_sigma_ut(iron_ut: FloatArray, config: GraphConfig) -> float:

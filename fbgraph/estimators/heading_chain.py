@@ -33,6 +33,7 @@ from fbgraph.estimators.compass import (
     compass_residuals,
     iron_cost,
     iron_sigma_ut,
+    scattered,
 )
 from fbgraph.estimators.gyroscope import GyroTurns, gyro_turns
 from fbgraph.estimators.magnetic_field import FieldMemory
@@ -43,6 +44,7 @@ _FREE_RAD = 100.0
 _FIXED_RAD = 1e-3
 _FIRST_TRIES, _KEPT, _MOST = 6, 2, 40
 _DONE_RAD = 1e-5
+_RELOOKS, _NOTABLE = 2, 1.5  # how often, and from how many times the usual deviation on, the compass is doubted
 _LEAST_FOR_CIRCLE = 8  # readings
 _IRON = 3  # unknowns of a stretch: two of hard iron, one of strength
 
@@ -95,7 +97,9 @@ def solve_heading(track: StepTrack, seeds: list[tuple[FloatArray, FloatArray]], 
         for iron_ut in one.iron_starts()
     ]
     tried.sort(key=lambda one: one[1].cost)
-    return min((one.improved(solution, _MOST) for one, solution in tried[:_KEPT]), key=lambda one: one.cost)
+    kept = [(one, one.improved(solution, _MOST)) for one, solution in tried[:_KEPT]]
+    best, solution = min(kept, key=lambda one: one[1].cost)
+    return best.as_scattered(solution)
 
 
 class HeadingChain:
@@ -113,6 +117,8 @@ class HeadingChain:
         self._known = np.flatnonzero(np.isfinite(track.yaw_mag_rad))
         field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
         self._compass: CompassReadings = compass_readings([track.steps[k] for k in self._known], field, config)
+        self._nominal = self._compass
+        self._distance_m = np.cumsum(track.length_m)
         seen_ut = np.column_stack((track.jump_x_ut, track.jump_y_ut, np.zeros(self._count))) * float(jumps)
         jumped = seen_ut.any(axis=1)
         self.jumps_ut = seen_ut[jumped]
@@ -157,6 +163,20 @@ class HeadingChain:
             )
             if np.abs(step[::2]).max() < _DONE_RAD:
                 break
+        return solution
+
+    def as_scattered(self, solution: HeadingSolution) -> HeadingSolution:
+        """The answer with the compass believed as far as it agrees with the gyroscope, where that is less."""
+        for _ in range(_RELOOKS):
+            if len(self._known) == 0:
+                break
+            iron_ut = solution.iron_ut[self._stretch[self._known]]
+            off = compass_residuals(self._nominal, solution.yaw_rad[self._known], iron_ut, self._config)
+            self._compass = scattered(self._nominal, off.across_rad, self._distance_m[self._known], self._config)
+            if np.all(self._compass.own_rad < _NOTABLE * self._nominal.own_rad):
+                self._compass = self._nominal
+                break
+            solution = self.improved(replace(solution, readings=self._compass), _MOST)
         return solution
 
     def _add_gyroscope(self, system: _System, at: HeadingSolution) -> float:

@@ -17,6 +17,7 @@ from fbgraph.estimators.compass import (
     compass_residuals,
     iron_cost,
     iron_sigma_ut,
+    scattered,
 )
 from fbgraph.estimators.magnetic_field import FieldMemory
 
@@ -106,3 +107,46 @@ def test_the_field_describes_a_circle_about_the_iron() -> None:
     half = ALL_ROUND < 3.0  # the others are of another device
     readings = replace(readings, level_ut=np.where(half, readings.level_ut, 300.0))
     assert circle_through(readings, half) == pytest.approx([18.0, -7.0, LEVEL_UT])
+
+
+def steadily(count: int, sigma_rad: float = 0.2) -> CompassReadings:
+    some, own = np.zeros(count), np.full(count, sigma_rad)
+    return CompassReadings(some, some, np.full(count, 20.0), own, 4.0 * own)
+
+
+WAY_M = 0.7 * np.arange(1, 201)
+
+
+def test_a_compass_that_agrees_with_the_gyroscope_is_believed_as_before() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.2, 200)
+    for off_rad in (np.zeros(200), np.full(200, 2.0), noise, np.cumsum(np.full(200, 0.01))):
+        told = scattered(steadily(200), off_rad, WAY_M, CONFIG)
+        assert told.own_rad == pytest.approx(0.2, rel=0.3)
+        assert (told.own_rad >= 0.2).all()
+
+
+def test_a_compass_that_points_anywhere_is_not_believed() -> None:
+    """Of directions that are all as likely the standard deviation is π / √3; what was believed before halves the square."""
+    off_rad = np.random.default_rng(2).uniform(-np.pi, np.pi, 200)
+    told = scattered(steadily(200), off_rad, WAY_M, CONFIG)
+    assert np.median(told.own_rad) == pytest.approx(math.pi / math.sqrt(6.0), rel=0.2)
+    assert told.sigma_rad == pytest.approx(4.0 * told.own_rad)
+
+
+def test_noise_of_three_times_the_usual_is_seen_and_where_it_is() -> None:
+    noise = np.random.default_rng(3).normal(0.0, 0.2, 400)
+    noise[200:] *= 3.0
+    told = scattered(steadily(400), noise, 0.7 * np.arange(1, 401), CONFIG)
+    assert np.median(told.own_rad[:170]) == pytest.approx(0.2, rel=0.1)
+    assert np.median(told.own_rad[230:]) == pytest.approx(0.2 * math.sqrt(0.5 * (1.0 + 9.0)), rel=0.2)
+
+
+def test_a_few_outliers_are_left_to_the_robust_loss() -> None:
+    off_rad = np.zeros(200)
+    off_rad[90:98] = 1.5
+    assert scattered(steadily(200), off_rad, WAY_M, CONFIG).own_rad == pytest.approx(0.2)
+
+
+def test_of_a_short_walk_nothing_is_told() -> None:
+    readings = steadily(40)
+    assert scattered(readings, np.linspace(0.0, 9.0, 40), WAY_M[:40], CONFIG) is readings

@@ -11,7 +11,7 @@ from support.by_hand import hand_step
 
 from fbgraph.core.aids import Aids
 from fbgraph.core.checkpoints import checkpoints
-from fbgraph.core.config import Config, StepLengthConfig
+from fbgraph.core.config import Config, GraphConfig, StepLengthConfig
 from fbgraph.core.geometry import wrap_angle
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.batch_smoother import body_to_world, smooth
@@ -23,7 +23,7 @@ from fbgraph.estimators.node import Node
 from fbgraph.estimators.pdr import dead_reckon
 from fbgraph.front_end.step_track import StepTrack
 
-CONFIG = Config()
+CONFIG = Config(graph=GraphConfig(sigma_bias_rad_s=0.008))  # biased gyroscopes
 L = 0.7
 PDR_CONFIG = StepLengthConfig(constant_m=L)
 
