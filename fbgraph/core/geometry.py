@@ -22,6 +22,11 @@ def wrap_scalar(angle_rad: float) -> float:
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
+def mean_of(values: FloatArray) -> FloatArray:
+    """Mean along the first axis; ``np.mean`` takes three times as long to find out what it is given a dozen numbers."""
+    return np.asarray(np.add.reduce(values, axis=0) / len(values))
+
+
 def rotate(quat_wxyz: FloatArray, vectors: FloatArray) -> FloatArray:
     """Rotate vectors by their quaternions: ``v_n = nRb v_b``.
 

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -33,9 +34,19 @@ H_X, H_Y, STRENGTH = range(3)
 """Of the state (h_x, h_y, H): hard iron and usual horizontal strength, µT."""
 
 
+class CompassReading(NamedTuple):
+    """What the compass said at one step; the same as in ``CompassReadings``."""
+
+    mount_rad: float
+    yaw_rad: float
+    level_ut: float
+    own_rad: float
+    sigma_rad: float
+
+
 @dataclass(frozen=True, slots=True)
 class CompassReadings:
-    """Compass readings, one or (N,) of them.
+    """Compass readings, (N,) of them.
 
     Attributes:
         mount_rad: walking direction against the device's forward, with which its own iron turns.
@@ -55,16 +66,15 @@ class CompassReadings:
         return len(self.yaw_rad)
 
     @staticmethod
-    def concatenate(pieces: Sequence[CompassReadings]) -> CompassReadings:
-        """Readings in order as one."""
-        if len(pieces) == 1:
-            return pieces[0]
-        return CompassReadings(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(CompassReadings)))
+    def of(readings: Sequence[CompassReading]) -> CompassReadings:
+        """Readings in order as columns."""
+        return CompassReadings(*np.array(readings, dtype=float).reshape(-1, len(CompassReading._fields)).T.copy())
 
 
-@dataclass(frozen=True, slots=True)
-class CompassResiduals:
-    """Compass readings against a heading, with the iron of a device; (N,) each, derivatives (N, 2) or (N, 3).
+class CompassResiduals(NamedTuple):
+    """Compass readings against a heading, with the iron of a device; (N,) each, derivatives three of them.
+
+    Of one reading, numbers.
 
     Attributes:
         across_rad: heading minus corrected reading, wrapped.
@@ -75,61 +85,63 @@ class CompassResiduals:
     """
 
     across_rad: FloatArray
-    across_by_iron: FloatArray
+    across_by_iron: tuple[FloatArray, FloatArray, FloatArray]
     strength_rel: FloatArray
-    strength_by_iron: FloatArray
+    strength_by_iron: tuple[FloatArray, FloatArray, FloatArray]
     across_weight: FloatArray
     strength_weight: FloatArray
 
 
-def compass_readings(steps: list[Step], field: FieldMemory, config: GraphConfig) -> CompassReadings:
-    """Readings of steps that have one.
+def compass_reading(step: Step, field: FieldMemory, config: GraphConfig) -> CompassReading:
+    """The reading of a step that has one.
 
     Args:
-        steps: of which the magnetometer was heard.
-        field: the field's recent usual; learns from them.
+        step: at which the magnetometer was heard.
+        field: the field's recent usual; learns from it.
         config: of the graph.
     """
-    own = np.array([config.sigma_mag_rad * math.sqrt(field.inflation(step)) for step in steps])
-    length_m = np.array([step.length_m for step in steps])
+    own = config.sigma_mag_rad * math.sqrt(field.inflation(step))
     # compass errors are those of the place: N correlated steps know as much as N (1 - a) / (1 + a) free ones
     # (information of a first-order Gauss-Markov process with a = exp(-L / correlation length))
-    a = np.exp(-np.maximum(length_m, 0.05) / config.mag_correlation_m)
-    level = np.array([step.mag_norm_ut * math.cos(step.mag_dip_rad) for step in steps])
-    mount = np.array([step.mount_rad for step in steps])
-    yaw = np.array([step.yaw_mag_rad for step in steps]) - mount
-    return CompassReadings(mount, yaw, level, own, own * np.sqrt((1.0 + a) / (1.0 - a)))
+    a = math.exp(-max(step.length_m, 0.05) / config.mag_correlation_m)
+    level = step.mag_norm_ut * math.cos(step.mag_dip_rad)
+    sigma = own * math.sqrt((1.0 + a) / (1.0 - a))
+    return CompassReading(step.mount_rad, step.yaw_mag_rad - step.mount_rad, level, own, sigma)
+
+
+def compass_readings(steps: Sequence[Step], field: FieldMemory, config: GraphConfig) -> CompassReadings:
+    """The same of steps in order."""
+    return CompassReadings.of([compass_reading(step, field, config) for step in steps])
 
 
 def compass_residuals(
-    readings: CompassReadings, yaw_rad: FloatArray, iron_ut: FloatArray, config: GraphConfig
+    readings: CompassReadings | CompassReading,
+    yaw_rad: FloatArray | float,
+    iron_ut: FloatArray,
+    config: GraphConfig,
 ) -> CompassResiduals:
     """Compare readings with headings.
 
     Args:
-        readings: (N,) of them.
-        yaw_rad: (N,) walking directions.
-        iron_ut: (N, 3) hard iron and usual horizontal strength at each.
+        readings: (N,) of them, or one.
+        yaw_rad: (N,) walking directions, or one.
+        iron_ut: (N, 3) hard iron and usual horizontal strength at each, or (3,).
         config: of the graph.
     """
-    h_x, h_y, usual = iron_ut[:, H_X], iron_ut[:, H_Y], np.maximum(iron_ut[:, STRENGTH], _FAINT_UT)
+    h_x, h_y, believed = iron_ut.T
+    usual = np.maximum(believed, _FAINT_UT)
     u = readings.level_ut * np.cos(readings.yaw_rad) - h_x
     v = -readings.level_ut * np.sin(readings.yaw_rad) - h_y
     level = np.maximum(np.hypot(u, v), 1e-6)
-    heard = np.maximum(level, _WEAK * usual)
+    both = level * np.maximum(level, _WEAK * usual)
     across = wrap_angle(yaw_rad - readings.mount_rad + np.arctan2(v, u))
-    strength = (level - iron_ut[:, STRENGTH]) / usual
-    limit = config.mag_huber * readings.own_rad
-    across_by, strength_by = np.zeros((len(u), 3)), np.full((len(u), 3), -1.0)
-    both = level * heard
-    across_by[:, H_X], across_by[:, H_Y] = v / both, -u / both
-    strength_by[:, H_X], strength_by[:, H_Y] = -u / level, -v / level
-    strength_by /= usual[:, None]
+    strength = (level - believed) / usual
+    limit, by_level = config.mag_huber * readings.own_rad, -1.0 / (level * usual)
     return CompassResiduals(
         across,
-        across_by,
+        (v / both, -u / both, 0.0 * u),
         strength,
-        strength_by,
+        (u * by_level, v * by_level, -1.0 / usual),
         np.minimum(1.0, limit / np.maximum(np.abs(across), 1e-9)),
         np.minimum(1.0, limit / np.maximum(np.abs(strength), 1e-9)),
     )

@@ -8,7 +8,7 @@ from gtsam.symbol_shorthand import I, X
 
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.geometry import FloatArray, IntArray
-from fbgraph.estimators.compass import CompassReadings, compass_residuals, iron_sigma_ut
+from fbgraph.estimators.compass import CompassReading, CompassReadings, compass_residuals, iron_sigma_ut
 from fbgraph.estimators.noise_models import sigmas
 
 UNIT_UT = 20.0
@@ -49,21 +49,30 @@ def compass_factors(
         config: weights.
     """
     off = compass_residuals(readings, yaw_rad, iron_ut, config)
-    by_iron, right, sigma = np.empty((len(k), 2, 3)), np.empty((len(k), 2)), np.empty((len(k), 2))
-    by_iron[:, 0], by_iron[:, 1] = off.across_by_iron, off.strength_by_iron
-    by_iron *= UNIT_UT
-    np.negative(off.across_rad, out=right[:, 0])
-    np.negative(off.strength_rel, out=right[:, 1])
-    np.divide(readings.sigma_rad, np.sqrt(off.across_weight), out=sigma[:, 0])
-    np.divide(readings.sigma_rad, np.sqrt(off.strength_weight), out=sigma[:, 1])
-    factors = []
-    for at, one in enumerate(k.tolist()):
-        j = int(stretch[at])
-        jacobian = gtsam.JacobianFactor(
-            X(one), _BY_POSE, I(j), by_iron[at], right[at], gtsam.noiseModel.Diagonal.Sigmas(sigma[at])
-        )
-        point = gtsam.Values()
-        point.insert_or_assign(X(one), pose2=gtsam.Pose2(0.0, 0.0, float(yaw_rad[at])))
-        point.insert(I(j), iron_ut[at] / UNIT_UT)
-        factors.append(gtsam.LinearContainerFactor(jacobian, point))
-    return factors
+    by_iron = UNIT_UT * np.array((off.across_by_iron, off.strength_by_iron)).transpose(2, 0, 1)
+    right = -np.column_stack((off.across_rad, off.strength_rel))
+    sigma = (readings.sigma_rad / np.sqrt(np.array((off.across_weight, off.strength_weight)))).T
+    rows = zip(k.tolist(), stretch.tolist(), by_iron, right, sigma, yaw_rad.tolist(), iron_ut, strict=True)
+    return [_factor(*row) for row in rows]
+
+
+def compass_factor(
+    k: int, j: int, reading: CompassReading, yaw_rad: float, iron_ut: FloatArray, config: GraphConfig
+) -> gtsam.LinearContainerFactor:
+    """The same of one step, whose iron is the ``j``-th."""
+    off = compass_residuals(reading, yaw_rad, iron_ut, config)
+    by_iron = UNIT_UT * np.array((off.across_by_iron, off.strength_by_iron))
+    right = np.array((-off.across_rad, -off.strength_rel))
+    sigma = reading.sigma_rad / np.sqrt(np.array((off.across_weight, off.strength_weight)))
+    return _factor(k, j, by_iron, right, sigma, yaw_rad, iron_ut)
+
+
+def _factor(
+    k: int, j: int, by_iron: FloatArray, right: FloatArray, sigma: FloatArray, yaw_rad: float, iron_ut: FloatArray
+) -> gtsam.LinearContainerFactor:
+    model = gtsam.noiseModel.Diagonal.Sigmas(sigma)
+    jacobian = gtsam.JacobianFactor(X(k), _BY_POSE, I(j), by_iron, right, model)
+    point = gtsam.Values()
+    point.insert_or_assign(X(k), pose2=gtsam.Pose2(0.0, 0.0, yaw_rad))
+    point.insert(I(j), iron_ut / UNIT_UT)
+    return gtsam.LinearContainerFactor(jacobian, point)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import gtsam
 import numpy as np
@@ -20,8 +19,14 @@ from gtsam.symbol_shorthand import I
 
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.geometry import FloatArray
-from fbgraph.estimators.compass import STRENGTH, CompassReadings, compass_readings
-from fbgraph.estimators.compass_factors import UNIT_UT, compass_factors, iron_factor, recalibration_factor
+from fbgraph.estimators.compass import STRENGTH, CompassReading, CompassReadings, compass_reading
+from fbgraph.estimators.compass_factors import (
+    UNIT_UT,
+    compass_factor,
+    compass_factors,
+    iron_factor,
+    recalibration_factor,
+)
 from fbgraph.estimators.magnetic_field import FieldMemory
 from fbgraph.estimators.node import Node
 from fbgraph.front_end.step_track import Step
@@ -42,7 +47,7 @@ class CompassWindow:
         """Nothing heard yet."""
         self._config = config
         self._field = FieldMemory(config.norm_scale_ut, config.dip_scale_rad)
-        self._heard: list[tuple[int, CompassReadings]] = []
+        self._heard: list[tuple[int, CompassReading]] = []
         self._starts: list[int] = []  # breadcrumbs where a state begins
         self._jumps_ut: dict[int, FloatArray] = {}  # by such a breadcrumb: where the magnetometer was calibrated anew
         self._usual_ut = math.nan
@@ -60,9 +65,9 @@ class CompassWindow:
         """
         if not math.isfinite(step.yaw_mag_rad):
             return
-        reading = compass_readings([step], self._field, self._config)
+        reading = compass_reading(step, self._field, self._config)
         if not self.iron_ut:
-            self._usual_ut = float(reading.level_ut[0])
+            self._usual_ut = reading.level_ut
             self.iron_ut.append(np.array([0.0, 0.0, self._usual_ut]))
             self._starts.append(k)
             values.insert(I(0), self.iron_ut[0] / UNIT_UT)
@@ -73,13 +78,13 @@ class CompassWindow:
             values.insert(I(len(self._starts) - 1), self.iron_ut[-1] / UNIT_UT)
             graph.add(self._tie(len(self._starts) - 1))
         self._heard.append((k, reading))
-        for factor in self._factors([(k, reading)], [node.yaw_rad], self.iron_ut):
-            graph.add(factor)
+        at = len(self._starts) - 1
+        graph.add(compass_factor(k, at, reading, node.yaw_rad, self.iron_ut[at], self._config))
 
     def turned(self, first: int, steps: Sequence[Step]) -> None:
         """The device was held otherwise than believed at the steps from ``first`` on."""
         self._heard = [
-            (k, reading if k < first else replace(reading, mount_rad=np.array([steps[k - first].mount_rad])))
+            (k, reading if k < first else reading._replace(mount_rad=steps[k - first].mount_rad))
             for k, reading in self._heard
         ]
 
@@ -91,9 +96,9 @@ class CompassWindow:
         """The states of the iron of the breadcrumbs from ``first`` to ``last``."""
         return range(self.state_of(first) or 0, bisect_right(self._starts, last))
 
-    def stale(self, k: int, iron_ut: FloatArray) -> bool:
-        """Whether the factors were made for iron too far from the latest now; asked at breadcrumb ``k``."""
-        return k - self._made_at >= _HELD_STEPS and self.is_far(iron_ut)
+    def held(self, k: int) -> bool:
+        """Whether the factors stay as they are at breadcrumb ``k``, wherever the iron is: they are new, or none."""
+        return not self.iron_ut or k - self._made_at < _HELD_STEPS
 
     def is_far(self, iron_ut: FloatArray) -> bool:
         """Whether that is too far from the iron for which the latest factors were made."""
@@ -166,12 +171,12 @@ class CompassWindow:
         return recalibration_factor(j, jump_ut, self._config.sigma_iron_jump_ut)
 
     def _factors(
-        self, heard: Sequence[tuple[int, CompassReadings]], yaw_rad: Sequence[float], made_ut: Sequence[FloatArray]
+        self, heard: Sequence[tuple[int, CompassReading]], yaw_rad: Sequence[float], made_ut: Sequence[FloatArray]
     ) -> list[gtsam.NonlinearFactor]:
         if not heard:
             return []
         k = np.array([k for k, _ in heard])
         stretch = np.maximum(np.searchsorted(self._starts, k, side="right") - 1, 0)
-        readings = CompassReadings.concatenate([reading for _, reading in heard])
+        readings = CompassReadings.of([reading for _, reading in heard])
         iron_ut = np.array([made_ut[j] for j in stretch])
         return list(compass_factors(k, readings, np.array(yaw_rad), stretch, iron_ut, self._config))

@@ -48,6 +48,8 @@ from fbgraph.estimators.noise_models import FIXED, FREE_RAD, sigmas
 from fbgraph.front_end.step_track import Step, StepTrack
 
 _YAW_ROW = np.array([[0.0, 0.0, 1.0]])
+_BACK_ROW = -_YAW_ROW
+_ZEROS = np.zeros(2)
 _BIAS_ROW = np.array([[1.0, 0.0]])
 _SCALE_WALK = 1e-5  # of the scale from step to step: none, but a system that is well conditioned
 
@@ -138,7 +140,7 @@ class GraphBuilder:
         if step.chained:
             graph.add(heading_factor(k, turn, node, previous_node))
         model = sigmas(turn.drift_rad_s, _SCALE_WALK)
-        graph.add(gtsam.BetweenFactorVector(B(k - 1), B(k), np.zeros(2), model))
+        graph.add(gtsam.BetweenFactorVector(B(k - 1), B(k), _ZEROS, model))
         if step.rest_s > 0:
             graph.push_back(rest_factor(k, step, node))
 
@@ -212,10 +214,10 @@ def heading_factor(k: int, turn: GyroTurn, node: Node, previous: Node) -> gtsam.
         node, previous: linearisation point; the true yaw must lie within π of it, nothing else depends on it.
     """
     by_gyroscope = np.array([[turn.moving_s, turn.turned_rad]])
-    residual = turn.turned_rad - (node.yaw_rad - previous.yaw_rad) - by_gyroscope @ node.gyroscope
-    jacobian = gtsam.JacobianFactor(
-        X(k - 1), -_YAW_ROW, X(k), _YAW_ROW, B(k), by_gyroscope, residual, sigmas(turn.sigma_rad)
-    )
+    biased = turn.moving_s * node.bias_rad_s + turn.turned_rad * node.gyro_scale
+    right = np.array([turn.turned_rad - (node.yaw_rad - previous.yaw_rad) - biased])
+    model = sigmas(turn.sigma_rad)
+    jacobian = gtsam.JacobianFactor(X(k - 1), _BACK_ROW, X(k), _YAW_ROW, B(k), by_gyroscope, right, model)
     point = gtsam.Values()
     point.insert_or_assign(X(k - 1), pose2=previous.pose)
     point.insert_or_assign(X(k), pose2=node.pose)

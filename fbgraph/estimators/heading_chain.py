@@ -230,7 +230,7 @@ class HeadingChain:
             (off.strength_rel, off.strength_by_iron, off.strength_weight, none),
         ):
             sigma = readings.sigma_rad / np.sqrt(weight)
-            shared = [(columns + axis, derivative[:, axis]) for axis in range(_IRON)]
+            shared = [(columns + axis, derivative[axis]) for axis in range(_IRON)]
             cost += system.add(rows, residual, sigma, shared)
             # Huber's loss is linear beyond its limit: w r²/2 counts half of what it does there
             cost += float((0.5 * (residual / readings.sigma_rad) ** 2 * (1.0 - weight) * weight).sum())

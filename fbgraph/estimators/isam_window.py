@@ -85,7 +85,7 @@ class IsamWindow:
         self._past = None
         if len(self._graphs) >= 2 * self._config.window_steps:
             self._shorten()
-        elif self._compass.iron_ut and self._compass.stale(k, self._iron()):
+        elif not self._compass.held(k) and self._compass.is_far(self._iron()):
             self._rebuild(self._taken_over())
         else:
             self._prepare(k)
@@ -175,6 +175,9 @@ class IsamWindow:
         Raises:
             EstimationError: the solver failed.
         """
+        closures = list(closures)
+        if not closures:
+            return
         graph = gtsam.NonlinearFactorGraph()
         for closure in closures:
             self.closures.append(closure)

@@ -10,11 +10,12 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
-from fbgraph.core.geometry import BoolArray, FloatArray
+from fbgraph.core.geometry import BoolArray, FloatArray, mean_of
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_length import flat_length_m
 from fbgraph.front_end.step_track import LOOK_BACK_S, Peak
@@ -25,6 +26,7 @@ MEMORY_S = 40.0
 """A step's pressure is judged in the light of what pressure did this long before."""
 _LEGS_M_S, _LEGS_M = 0.75, 0.25  # nobody climbs faster, nor higher in a step
 _NOISE_M = 0.6  # two readings of a still device may differ by this
+_LEAP_M = _LEGS_M_S * 1.0 + _NOISE_M  # in a second
 _ROUGH_S = 20.0
 _LINE_S = 8.0  # air moves to and fro about a line through so long
 _TURN_S = 3.0  # for how long pressure goes one way at least
@@ -142,8 +144,10 @@ class ClimbGauge:
     def _between(self, first_index: int, last_index: int) -> FloatArray:
         """Altitude at every multiple of the stride from one grid index to another, nan where the log was silent."""
         first, last = -(-first_index // self._stride), last_index // self._stride
-        values = np.full(max(last - first + 1, 0), np.nan)
         lo, hi = self._at.searchsorted((first, last + 1)).tolist()
+        if hi - lo == last - first + 1:
+            return self._altitude_m[lo:hi]
+        values = np.full(max(last - first + 1, 0), np.nan)
         values[self._at[lo:hi] - first] = self._altitude_m[lo:hi]
         return values
 
@@ -151,8 +155,9 @@ class ClimbGauge:
         """The last so many seconds before a grid index, without what lies before a silence."""
         if self._looked[0] != index:  # asked several times a step: the longest holds the others
             values = self._between(index - (self._samples(MEMORY_S) - 1) * self._stride, index)
-            silent = np.flatnonzero(np.isnan(values))
-            self._looked = index, values[silent[-1] + 1 :] if len(silent) else values
+            if math.isnan(np.add.reduce(values)):
+                values = values[np.flatnonzero(np.isnan(values))[-1] + 1 :]
+            self._looked = index, values
         known = self._looked[1]
         return known[max(len(known) - self._samples(duration_s) + (index % self._stride > 0), 0) :]
 
@@ -160,7 +165,7 @@ class ClimbGauge:
         """(N,) whether altitude changed within the second before by more than legs and noise do."""
         second = self._samples(1.0)
         leaps = np.zeros(len(altitude_m), dtype=bool)
-        leaps[second:] = np.abs(altitude_m[second:] - altitude_m[:-second]) > _LEGS_M_S * 1.0 + _NOISE_M
+        leaps[second:] = np.abs(altitude_m[second:] - altitude_m[:-second]) > _LEAP_M
         return leaps
 
     def _climb_m_s(self, index: int) -> float:
@@ -169,21 +174,17 @@ class ClimbGauge:
         if len(window) < self._samples(_SLOPE_AT_LEAST_S):
             return math.nan
         third = len(window) // 3
-        rate = (window[-third:].mean() - window[:third].mean()) / ((len(window) - third) * self._every_s)
+        rate = float(mean_of(window[-third:]) - mean_of(window[:third])) / ((len(window) - third) * self._every_s)
         # samples a second apart count as independent
         sigma = math.sqrt(12.0) * self._roughness(index) / (len(window) * self._every_s) ** 1.5
-        return float(rate) if abs(rate) > _FACTS * sigma else math.nan
+        return rate if abs(rate) > _FACTS * sigma else math.nan
 
     def _roughness(self, index: int) -> float:
         """How far altitude strays from a line over a few seconds: the last, and usually of late if that is more."""
         altitude_m, count = self._before(index, _ROUGH_S), self._samples(_SLOPE_S)
         if len(altitude_m) < count:
             return _line(altitude_m, self._every_s)[1]
-        windows = altitude_m[np.arange(len(altitude_m) - count + 1)[:, None] + np.arange(count)]
-        t = np.arange(count) - (count - 1) / 2.0
-        around = windows - windows.mean(axis=1)[:, None]
-        around -= (around @ t / (t @ t))[:, None] * t
-        scatter: list[float] = np.sqrt((around**2).mean(axis=1)).tolist()
+        scatter: list[float] = off_lines(altitude_m, count).tolist()
         ordered = sorted(scatter)  # (np.median is slow)
         middle = 0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
         return max(middle, scatter[-1])
@@ -206,7 +207,7 @@ class ClimbGauge:
 
     def _steadied(self, altitude_m: FloatArray) -> FloatArray:
         """The same without its leaps."""
-        if len(altitude_m) < 2:
+        if len(altitude_m) < 2 or altitude_m.max() - altitude_m.min() <= _LEAP_M:
             return altitude_m
         leaping, second = self._leaps(altitude_m), self._samples(1.0)
         change = np.zeros(len(altitude_m))
@@ -240,8 +241,29 @@ class ClimbGauge:
 
 def _line(values: FloatArray, every_s: float) -> tuple[float, float]:
     """Slope of the least-squares line through equidistant values, per second, and the deviation from it."""
-    t_s = (np.arange(len(values)) - (len(values) - 1) / 2.0) * every_s
-    rate = float(t_s @ values / (t_s @ t_s))
+    t_s, squared = _times(len(values), every_s)
+    rate = float(t_s @ values) / squared
     off = values - rate * t_s
-    off -= off.mean()
-    return rate, math.sqrt((off * off).mean())
+    off -= mean_of(off)
+    return rate, math.sqrt(mean_of(off * off))
+
+
+@lru_cache(maxsize=512)
+def _times(count: int, every_s: float) -> tuple[FloatArray, float]:
+    """(N,) equidistant times about their middle, and the sum of their squares."""
+    t_s = (np.arange(count) - (count - 1) / 2.0) * every_s
+    return np.asarray(t_s, dtype=np.float64), float(t_s @ t_s)
+
+
+def off_lines(values: FloatArray, count: int) -> FloatArray:
+    """Deviation from its least-squares line, of every ``count`` equidistant values that follow each other."""
+    sums = np.zeros((3, len(values) + 1))
+    t, each = _times(len(values), 1.0)[0], sums[:, 1:]
+    np.subtract(values, values[0], out=each[0])
+    np.multiply(each[0], each[0], out=each[1])
+    np.multiply(each[0], t, out=each[2])
+    np.add.accumulate(sums, axis=1, out=sums)
+    total, squares, moment = sums[:, count:] - sums[:, :-count]
+    moment -= (t[: len(moment)] + (count - 1) / 2.0) * total
+    squares -= total * total / count + moment * moment / _times(count, 1.0)[1]
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0) / count))

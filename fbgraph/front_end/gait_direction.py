@@ -11,11 +11,12 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from fbgraph.core.geometry import FloatArray
+from fbgraph.core.geometry import FloatArray, mean_of
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.step_track import Peak
 
@@ -66,7 +67,7 @@ class GaitDirection:
         beat = beat_of(signals, lo, hi, peak) if self._steps > _SETTING_OFF else None
         before, self._before = self._before, beat
         lo = min(lo, hi - 1)
-        held = float(signals.mount_up_rad[lo:hi].mean()), float(signals.tilt_rate_rad_s[lo:hi].mean())
+        held = float(mean_of(signals.mount_up_rad[lo:hi])), float(mean_of(signals.tilt_rate_rad_s[lo:hi]))
         if beat is None or before is None or before.end != peak.start_index:
             return Push(*held)
         up = beat.up + before.up
@@ -90,9 +91,15 @@ def beat_of(signals: LevelledSignals, lo: int, hi: int, peak: Peak) -> Beat | No
     """
     if peak.count > 1 or peak.share < 1 or hi - lo != peak.index - peak.start_index or hi - lo < _FEWEST:
         return None
-    phase = (2.0 * np.pi / (hi - lo)) * np.arange(1, hi - lo + 1)
+    cos, sin = _circle(hi - lo)
     acc: FloatArray = signals.acc_n_m_s2[lo:hi]
-    real = 2.0 * (acc * np.cos(phase)[:, None]).mean(axis=0)
-    imag = -2.0 * (acc * np.sin(phase)[:, None]).mean(axis=0)
-    forward, left, up = (complex(a, b) for a, b in zip(real.tolist(), imag.tolist(), strict=True))
+    real, imag = mean_of(acc * cos).tolist(), mean_of(acc * sin).tolist()
+    forward, left, up = (complex(2.0 * a, -2.0 * b) for a, b in zip(real, imag, strict=True))
     return Beat(peak.index, forward, left, up)
+
+
+@lru_cache(maxsize=256)
+def _circle(count: int) -> tuple[FloatArray, FloatArray]:
+    """(N, 1) cosine and sine once round; of so few lengths that steps have."""
+    phase = (2.0 * np.pi / count) * np.arange(1, count + 1)[:, None]
+    return np.cos(phase), np.sin(phase)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fbgraph.core.config import StepsConfig
-from fbgraph.front_end.levelled_signals import LevelledSignals
+from fbgraph.core.geometry import mean_of
+from fbgraph.front_end.levelled_signals import LevelledSignals, gaps
 from fbgraph.front_end.recent_signals import CARRIED_RAD_S, FILL_S, FILLED, SURE, Gait, Recent
 from fbgraph.front_end.rhythm import Rhythm
 from fbgraph.front_end.running_sums import WindowMeans, WindowMoments
@@ -155,8 +156,8 @@ class StepDetector:
         led = frame.strength > _TRUSTED and (frame.period_s > _RUNNING_S or frame.moved_m_s2 > _RUNNING_M_S2)
         # the moving average lags behind; but a step never happened in a gap of the log, or before it
         window = past.index[max(at - self._delay[slow], 0) : at + 1]
-        holes = np.flatnonzero(np.diff(window) > 1)
-        index = int(window[holes[-1] + 1 if len(holes) else 0])
+        holes = gaps(window)
+        index = int(window[holes[-1] if holes else 0])
         since_s = (index - self._pending[-1].index) / rate if self._pending else np.inf
         refractory_s, longest_s = config.min_interval_s, config.max_interval_s
         if led:
@@ -173,11 +174,12 @@ class StepDetector:
         if frame.strength > _TRUSTED and frame.bare(config.min_breadth):
             self._pending, self._walking = [], False
             return []
-        handled = self._handled(at, since, past, frame) and not frame.steady_s >= config.steady_s
-        tilt = past.tilt_rate[since : at + 1].mean()
+        tilt = float(mean_of(past.tilt_rate[since : at + 1]))
+        handled = not frame.steady_s >= config.steady_s and self._handled(at, tilt, past, frame)
         calm = max(tilt, frame.swing_rad_s) < _BOUT_TILT_RAD_S and frame.breadth > _BOUT_BREADTH
         calm = calm and rise >= config.min_rise_m_s2
-        if in_run and not handled and past.swings(at, frame):  # so it did while that could not be told yet
+        doubted = in_run and not handled and any(top.handled for top in self._pending)
+        if doubted and past.swings(at, frame):  # so it did while that could not be told yet
             since_swung = index - int(_SWUNG_STRIDES * 2.0 * frame.period_s * rate)
             self._pending = [replace(top, handled=top.handled and top.index < since_swung) for top in self._pending]
         flushed = [] if in_run else self._after_silence(index + int(_LONG_AFTER_S * rate))
@@ -250,14 +252,13 @@ class StepDetector:
         rise = max(_RISE_SIGMA * sigma, config.floor_rise_m_s2)
         return rise if frame.swing_rad_s > CARRIED_RAD_S else min(rise, config.min_rise_m_s2)
 
-    def _handled(self, at: int, since: int, past: Recent, frame: Gait) -> bool:
+    def _handled(self, at: int, tilt_rate: float, past: Recent, frame: Gait) -> bool:
         """Whether the device is being shaken or spun rather than carried."""
         config, rate = self._config, self._rate_hz
         spun = abs(past.yaw[at] - past.yaw[max(at - int(config.spin_window_s * rate), 0)])
         tenth = max(int(_WOBBLE_STEP_S * rate), 1)
-        yaw = past.yaw[max(at - int(_WOBBLE_WINDOW_S * rate), 0) : at + 1][::-tenth]
-        wobble = np.abs(np.diff(yaw)).sum() - abs(yaw[-1] - yaw[0])
-        tilt_rate = past.tilt_rate[since : at + 1].mean()
+        yaw = past.yaw[max(at - int(_WOBBLE_WINDOW_S * rate), 0) : at + 1][::-tenth].tolist()
+        wobble = sum(abs(b - a) for a, b in itertools.pairwise(yaw)) - abs(yaw[-1] - yaw[0])
         return bool(
             spun > config.max_spin_rad
             or tilt_rate > config.max_tilt_rate_rad_s

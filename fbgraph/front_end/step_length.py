@@ -22,8 +22,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from fbgraph.core.config import StepLengthConfig
-from fbgraph.core.geometry import FloatArray
+from fbgraph.core.geometry import FloatArray, mean_of
 
 FULL_SURGE_M_S = 0.2
 """v₀; also that of a step whose surge is not known."""
@@ -57,6 +59,7 @@ def surge_of(acc_level_m_s2: FloatArray, rate_hz: float) -> float:
             not quite levelled) is taken out.
         rate_hz: of the samples.
     """
-    speed = (acc_level_m_s2 - acc_level_m_s2.mean(axis=0)).cumsum(axis=0) / rate_hz
-    speed -= speed.mean(axis=0)
-    return math.sqrt(8.0 * (speed * speed).mean(axis=0).sum())
+    speed = np.add.accumulate(acc_level_m_s2 - mean_of(acc_level_m_s2), axis=0) / rate_hz
+    speed -= mean_of(speed)
+    ahead, aside = mean_of(speed * speed).tolist()
+    return math.sqrt(8.0 * (ahead + aside))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fbgraph.core.config import StepLengthConfig
-from fbgraph.core.geometry import FloatArray, wrap_scalar
+from fbgraph.core.geometry import FloatArray, mean_of, wrap_scalar
 from fbgraph.front_end.climb import ClimbGauge
 from fbgraph.front_end.gait_direction import GaitDirection
 from fbgraph.front_end.levelled_signals import LevelledSignals
@@ -69,14 +69,15 @@ class StepGauge:
         lo, hi = signals.index.searchsorted((peak.start_index + 1, peak.index + 1)).tolist()
         lo = min(lo, hi - 1)
         yaw_gyro = signals.yaw_gyro_rad[lo:hi]
-        yaw_gyro_rad = float(yaw_gyro.mean())
+        yaw_gyro_rad = float(mean_of(yaw_gyro))
         offset = signals.yaw_mag_rad[lo:hi] - yaw_gyro
-        offset = offset[np.isfinite(offset)]
-        yaw_mag_rad = float("nan")
-        if len(offset):
-            mean_offset = math.atan2(np.sin(offset).mean(), np.cos(offset).mean())
-            yaw_mag_rad = wrap_scalar(yaw_gyro_rad + mean_offset)
-        bounce = float(np.ptp(signals.acc_n_m_s2[lo:hi, 2]))
+        sin = float(mean_of(np.sin(offset)))
+        if math.isnan(sin):
+            offset = offset[np.isfinite(offset)]
+            sin = float(mean_of(np.sin(offset))) if len(offset) else math.nan
+        yaw_mag_rad = wrap_scalar(yaw_gyro_rad + math.atan2(sin, mean_of(np.cos(offset)))) if len(offset) else math.nan
+        up = signals.acc_n_m_s2[lo:hi, 2]
+        bounce = float(up.max() - up.min())
         bounce = min(bounce, _LIMB_BOUNCE_M_S2) if peak.swung else bounce
         surge = FULL_SURGE_M_S
         if hi - lo == peak.index - peak.start_index and peak.count == 1.0:
@@ -91,7 +92,7 @@ class StepGauge:
         air = self._climb.judge(peak, altitude_m, frequency_hz, surge, chained)
         each_m = flat_length_m(self._length, frequency_hz, surge) + self._length.gamma_m * air.slope
         length = max(each_m, self._length.shortest_m) * peak.count * peak.share
-        jumped = signals.field_jump_ut[since + 1 : hi].sum(axis=0)
+        jumped = np.add.reduce(signals.field_jump_ut[since + 1 : hi], axis=0).tolist()
         return Step(
             t_s=peak.index / self._rate_hz,
             start_s=peak.start_index / self._rate_hz,
@@ -102,7 +103,7 @@ class StepGauge:
             bounce_m_s2=bounce,
             surge_m_s=surge,
             doubt_m=self._doubt_m(peak, length, frequency_hz, surge),
-            yaw_s=float(signals.t_s[lo:hi].mean()),
+            yaw_s=float(mean_of(signals.t_s[lo:hi])),
             yaw_gyro_rad=yaw_gyro_rad,
             yaw_mag_rad=yaw_mag_rad,
             mag_norm_ut=_mean_finite(signals.mag_norm_ut[lo:hi]),
@@ -118,8 +119,8 @@ class StepGauge:
             rest_s=rest.duration_s,
             rest_drift_rad=rest.drift_rad,
             rest_drift_sigma_rad=rest.drift_sigma_rad,
-            jump_x_ut=float(jumped[0]),
-            jump_y_ut=float(jumped[1]),
+            jump_x_ut=jumped[0],
+            jump_y_ut=jumped[1],
             **self._gait.push(signals, peak)._asdict(),
         )
 
@@ -168,8 +169,8 @@ def _standing_start(first: Step, altitude_m: float) -> Step:
 
 
 def _mean_finite(values: FloatArray) -> float:
-    mean = float(values.mean()) if len(values) else math.nan
+    mean = float(mean_of(values)) if len(values) else math.nan
     if math.isfinite(mean):
         return mean
     finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else math.nan
+    return float(mean_of(finite)) if len(finite) else math.nan

@@ -11,8 +11,10 @@ from support.magnetised import LEVEL_UT, seen
 from fbgraph.core.config import GraphConfig
 from fbgraph.core.geometry import FloatArray
 from fbgraph.estimators.compass import (
+    CompassReading,
     CompassReadings,
     circle_through,
+    compass_reading,
     compass_readings,
     compass_residuals,
     iron_cost,
@@ -64,18 +66,18 @@ def test_derivatives_by_the_iron_are_numerical_ones() -> None:
     off = compass_residuals(readings, ALL_ROUND, iron_ut, CONFIG)
     for axis in range(3):
         more = compass_residuals(readings, ALL_ROUND, iron_ut + h * np.eye(3)[axis], CONFIG)
-        assert np.allclose((more.across_rad - off.across_rad) / h, off.across_by_iron[:, axis], atol=1e-5)
+        assert np.allclose((more.across_rad - off.across_rad) / h, off.across_by_iron[axis], atol=1e-5)
         if axis < 2:
-            assert np.allclose((more.strength_rel - off.strength_rel) / h, off.strength_by_iron[:, axis], atol=1e-5)
+            assert np.allclose((more.strength_rel - off.strength_rel) / h, off.strength_by_iron[axis], atol=1e-5)
     # by its own usual strength: over a usual that is taken as known
-    assert np.allclose(off.strength_by_iron[:, 2], -1.0 / 18.0)
+    assert np.allclose(off.strength_by_iron[2], -1.0 / 18.0)
 
 
 def test_where_iron_cancels_the_field_its_direction_is_hardly_a_reading() -> None:
     """1 µT of 20 is left, whose direction a µT of iron would turn by a radian: it counts as 0.3 of the usual 20."""
     readings = CompassReadings(np.zeros(1), np.zeros(1), np.array([1.0]), np.array([0.2]), np.array([0.8]))
     off = compass_residuals(readings, np.zeros(1), np.array([[0.0, 0.0, 20.0]]), CONFIG)
-    assert np.hypot(*off.across_by_iron[0, :2]) == pytest.approx(1.0 / 6.0)
+    assert np.hypot(*off.across_by_iron[:2]) == pytest.approx(1.0 / 6.0)
 
 
 def test_readings_are_of_the_device_not_of_the_walker() -> None:
@@ -86,8 +88,17 @@ def test_readings_are_of_the_device_not_of_the_walker() -> None:
     assert readings.level_ut == pytest.approx([50.0 * math.cos(1.0)] * 2)
     assert readings.own_rad == pytest.approx([0.2, 0.2])
     assert readings.sigma_rad == pytest.approx([0.2 * 4.1427403] * 2, rel=1e-6)
-    both = CompassReadings.concatenate([readings, readings])
-    assert both.yaw_rad.tolist() == [*readings.yaw_rad, *readings.yaw_rad]
+    one = compass_reading(step, FieldMemory(20.0, 0.5), CONFIG)
+    assert one == tuple(getattr(readings, name)[0] for name in one._fields)
+
+
+def test_one_reading_is_compared_as_many_are() -> None:
+    readings, iron_ut = readings_of(ALL_ROUND, np.array([5.0, 3.0]), 0.3), np.array([2.0, -4.0, 18.0])
+    many = compass_residuals(readings, ALL_ROUND + 0.5, np.tile(iron_ut, (12, 1)), CONFIG)
+    for i, yaw_rad in enumerate((ALL_ROUND + 0.5).tolist()):
+        one = CompassReading(*(float(getattr(readings, name)[i]) for name in CompassReading._fields))
+        for alone, among in zip(compass_residuals(one, yaw_rad, iron_ut, CONFIG), many, strict=True):
+            assert np.array(alone) == pytest.approx(np.array(among)[..., i], abs=1e-15)
 
 
 def test_little_iron_is_likely_and_much_is_possible() -> None:

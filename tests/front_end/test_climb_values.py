@@ -10,7 +10,7 @@ from support.made_signals import levelled
 
 from fbgraph.core.config import StepLengthConfig
 from fbgraph.core.geometry import FloatArray
-from fbgraph.front_end.climb import Air, ClimbGauge
+from fbgraph.front_end.climb import Air, ClimbGauge, off_lines
 from fbgraph.front_end.step_track import Peak
 
 CONFIG = StepLengthConfig(alpha_m=0.4, beta_m_s=0.2, gamma_m=-1.5, beta2_m_s2=0.0, kappa_surge=0.0, min_climb_m_s=0.2)
@@ -177,3 +177,14 @@ def test_any_pieces_give_the_same() -> None:
     whole = walked(height_m, 100.0, rests=((40.0, 70.0),))
     for chunk in (51, 333, 1000):
         assert walked(height_m, 100.0, rests=((40.0, 70.0),), chunk=chunk) == whole
+
+
+def test_every_window_is_compared_with_its_own_line() -> None:
+    rng = np.random.default_rng(0)
+    altitude_m = 4000.0 + np.cumsum(rng.normal(0.0, 0.1, 81))
+    told = off_lines(altitude_m, 20)
+    assert len(told) == 62
+    for i, off_m in enumerate(told.tolist()):
+        t, window = np.arange(20.0), altitude_m[i : i + 20]
+        assert off_m == pytest.approx(np.std(window - np.polyval(np.polyfit(t, window, 1), t)), abs=1e-9)
+    assert off_lines(np.full(30, 250.0), 20).tolist() == [0.0] * 11
