@@ -10,6 +10,10 @@ import numpy as np
 from fbgraph.core.bounded import RUN_BYTES, small_file
 from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
+from fbgraph.core.nanoseconds import MAX_T_NS
+
+_LARGEST = 1e15
+"""Metres, seconds: light takes a month for as many."""
 
 
 @dataclass(frozen=True)
@@ -40,21 +44,23 @@ class NumberTable:
             raise DataError(f"{self.path}: line {self.line[int(np.argmax(bad))]}: {why}")
 
     def refuse_infinite(self, columns: slice = slice(None)) -> None:
-        """Refuse nan and infinity in these columns.
+        """Refuse nan, infinity and what is beyond all that is measured in these columns.
 
         Raises:
             DataError: naming the first such line.
         """
-        finite = np.asarray(np.isfinite(self.values[:, columns]).all(axis=1))
-        self.refuse(~finite, "not all of its numbers are finite")
+        values = np.abs(self.values[:, columns])
+        self.refuse(~np.isfinite(values).all(axis=1), "not all of its numbers are finite")
+        self.refuse((values > _LARGEST).any(axis=1), f"a number of it is beyond {_LARGEST:g}")
 
     def refuse_unordered(self, t_s: FloatArray) -> None:
-        """Refuse times that do not increase from row to row.
+        """Refuse times that do not increase from row to row, or that no clock shows.
 
         Raises:
             DataError: naming the first such line.
         """
         self.refuse(np.diff(t_s, prepend=-np.inf) <= 0.0, "its time is not later than that of the line before")
+        self.refuse(np.abs(t_s) * 1e9 > MAX_T_NS, "its time is none that a clock shows")
 
 
 def read_text(path: Path, kind: str) -> str:

@@ -297,8 +297,11 @@ def _log(
     for sensor, raw_values in values.items():
         judgement = getattr(judged, sensor)
         if judgement is not None and np.isfinite(judgement.scale):
-            scaled = raw_values * judgement.scale
-            readings[sensor] = scaled if sensor == "pressure" else scaled @ judgement.axes.T
+            with np.errstate(over="ignore"):  # garbled numbers
+                scaled = raw_values * judgement.scale
+            # no product of matrices: an empty field would empty all three
+            order, signs = np.abs(judgement.axes).argmax(axis=1), judgement.axes.sum(axis=1)
+            readings[sensor] = scaled if sensor == "pressure" else scaled[:, order] * signs
     good = np.abs(t_ns) <= MAX_T_NS
     for sensor in ("acc", "gyro"):
         good &= ~(np.abs(readings[sensor]) > LIMITS[sensor]).any(axis=1)
