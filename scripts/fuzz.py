@@ -32,7 +32,8 @@ from multiprocessing import Pool
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a second thread gains nothing with matrices this small
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a second thread gains nothing with matrices this small,
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # nor with tables
 
 import click
 import fuzz_inputs
@@ -349,7 +350,8 @@ def prepared() -> Any:
     signal.signal(signal.SIGPROF, late)
     resource.setrlimit(resource.RLIMIT_DATA, (LIMIT_BYTES, LIMIT_BYTES))  # beyond it, a MemoryError
     warnings.simplefilter("error", RuntimeWarning)  # of numpy: a second line on the terminal, and often nonsense
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+    memory = Path("/dev/shm")
+    with tempfile.TemporaryDirectory(prefix="fuzz-", dir=memory if memory.is_dir() else None) as folder:
         yield Work(Path(folder))
 
 
