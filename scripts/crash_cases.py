@@ -20,6 +20,7 @@ from fbgraph.study.column_names import load_layout
 STUDY = ("study", "simulated", "--trials", "1", "--out", "study", "--seed")
 TIMED = ("summary.json", "report.html")  # these hold how long something took
 RECORDINGS = (".rrd",)  # these hold a random number
+ROUTE = ("--route", "square", "--scale", "0.15", "--seed")  # eight steps, and every file that a walk can have
 LIVE = ("online", "--source", "stdin", "--no-recording")
 
 
@@ -62,7 +63,7 @@ def cases(base: Path, names: tuple[str, ...]) -> list[Case]:
 
 
 COMMANDS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
-    ("simulate", ("simulate", "out.csv", "--route", "square", "--seed", "1"), ("out.csv", "out_truth.csv")),
+    ("simulate", ("simulate", "out.csv", *ROUTE, "1"), ("out.csv", "out_truth.csv")),
     ("convert", ("convert", "truth.csv", "out.csv", "--force"), ("out.csv", "out_truth.csv")),
     ("export", ("export", "run1", "--to", "mcap", "--out", "out.mcap"), ("out.mcap",)),
     ("guide", ("guide", "run1", "--format", "csv", "--out", "out.csv"), ("out.csv",)),
@@ -86,7 +87,7 @@ class Base:
         """Make in a folder what cases whose names begin so need."""
         self._folder = folder
         for seed in ("1", "2"):
-            self._made("simulate", f"{seed}.csv", "--route", "square", "--seed", seed)
+            self._made("simulate", f"{seed}.csv", *ROUTE, seed)
             self._made("smooth", f"{seed}.csv", "--out", f"run{seed}")
         if any(name.startswith("study"[: len(name)]) for name in names):
             make_studies(folder)

@@ -67,7 +67,7 @@ class Trials:
         if part is not None:
             todo = part.sample(todo, min(max(share, 1), len(todo)))
         wrong = []
-        for at, kind in todo:
+        for number, (at, kind) in enumerate(todo, 1):
             folder = self._prepared(case)
             ended = self._run(
                 case, folder, {"FAULT_UNDER": str(folder), "FAULT_AT": str(at), "FAULT_KIND": kind, "FAULT_LOG": ""}
@@ -77,6 +77,8 @@ class Trials:
                 f"{case.name}: call {calls[at - 1]} {kind}: {text}" for text in self._checked(case, folder, ended)
             ]
             shutil.rmtree(folder)
+            if number % 50 == 0:
+                print(f"{case.name}: {number} of {len(todo)}", file=sys.stderr, flush=True)
         return len(todo), wrong
 
     def kill(self, case: Case, rng: random.Random) -> list[str]:
@@ -170,7 +172,8 @@ def main() -> int:
     given = parser.parse_args()
     if given.work is not None:
         return every_case(given)
-    with tempfile.TemporaryDirectory(prefix="crash-") as folder:
+    memory = Path("/dev/shm")  # whose syncs take no time; faults come from no disk
+    with tempfile.TemporaryDirectory(prefix="crash-", dir=memory if memory.is_dir() else None) as folder:
         known = {**os.environ, "LD_PRELOAD": str(shim(Path(folder))), "OPENBLAS_NUM_THREADS": "1"}
         return subprocess.run(
             [sys.executable, __file__, *sys.argv[1:], "--work", folder], env=known, check=False

@@ -19,6 +19,10 @@ from pathlib import Path
 from typing import NoReturn
 
 import fbgraph
+from fbgraph.core.config import load_config
+from fbgraph.pipeline import reconstruct
+from fbgraph.readers import read_log
+from fbgraph.simulator.files import write_m5stickc_csv
 
 _PIECE = 20_000  # bytes of its input that a command is sent at once
 
@@ -39,10 +43,15 @@ class Ended:
 
 
 def import_everything() -> None:
-    """All modules of the package and what they import, those that are imported late among it."""
+    """All modules of the package and what they import, late or not; and smooth a walk, which fills many a cache."""
     for module in pkgutil.walk_packages(fbgraph.__path__, "fbgraph."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
+    walk = fbgraph.simulate("square", seed=1)
+    with tempfile.TemporaryDirectory() as folder:
+        write_m5stickc_csv(walk.log.between(0.0, 12.0), Path(folder) / "walk.csv")
+        file = read_log(Path(folder) / "walk.csv")
+    reconstruct(file.log, load_config("m5stickc"))
 
 
 def run(
