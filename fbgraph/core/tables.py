@@ -49,9 +49,9 @@ class NumberTable:
         Raises:
             DataError: naming the first such line.
         """
-        values = np.abs(self.values[:, columns])
-        self.refuse(~np.isfinite(values).all(axis=1), "not all of its numbers are finite")
-        self.refuse((values > _LARGEST).any(axis=1), f"a number of it is beyond {_LARGEST:g}")
+        largest: FloatArray = np.abs(self.values[:, columns]).max(axis=1)
+        self.refuse(~np.isfinite(largest), "not all of its numbers are finite")
+        self.refuse(largest > _LARGEST, f"a number of it is beyond {_LARGEST:g}")
 
     def refuse_unordered(self, t_s: FloatArray) -> None:
         """Refuse times that do not increase from row to row, or that no clock shows.
