@@ -38,7 +38,7 @@ class WalkInBuilding:
 
     Attributes:
         name: of the log.
-        votes: for each axis, counted from magnetic North; None without a straight leg.
+        votes: for each axis, counted from magnetic North; None of one that bends most of the way.
         declination_deg: by which its compass was turned to true North; None if it was not.
         strength_ut, dip_rad: medians of the field at its steps; nan of a walk without a compass.
     """
@@ -138,16 +138,18 @@ def building_of(walks: Sequence[WalkInBuilding]) -> LearnedBuilding:
     """What walks have in common; see ``learn_building``.
 
     Raises:
-        DataError: no walk has a straight leg and a compass, or they show no axis.
+        DataError: no walk has a compass and straight legs, or they show no axis.
     """
     telling = [(walk, walk.votes) for walk in walks if walk.votes is not None]
     notes = []
     if silent := [walk.name for walk in walks if walk.votes is None]:
         more = ", …" if len(silent) > _MOST_NAMED else ""
         names = ", ".join(silent[:_MOST_NAMED]) + more
-        notes.append(f"{len(silent)} walk(s) without a compass or a straight leg tell no axis: {names}")
+        notes.append(f"{len(silent)} walk(s) without a compass, or that bend most of the way, tell no axis: {names}")
     if not telling:
-        raise DataError("no axis: none of the logs is a walk with a compass and a straight leg" + _told(notes))
+        raise DataError(
+            "no axis: none of the logs is a walk with a compass that goes straight for most of its way" + _told(notes)
+        )
     found = learn_axis([votes for _, votes in telling])
     if found.log_odds < _CLEAR:
         raise DataError(_no_axis(found, len(telling)))

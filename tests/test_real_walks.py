@@ -1,18 +1,25 @@
 """Accuracy on real walks, one configuration, nothing tuned per log: the figures that the README promises."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fbgraph.core.aids import Told
+from fbgraph.core.building import Building
 from fbgraph.core.checkpoints import Checkpoints
 from fbgraph.core.config import load_config
 from fbgraph.core.trajectory import Trajectory
+from fbgraph.estimators.building_axis import lay_along_axis
+from fbgraph.learning import building_of, walk_in_building
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.run.metrics import score
+from fbgraph.run.walk_result import WalkResult
 from fbgraph.way_back.records import Closure
 
 FLOORS_M = {0: 0.0, -1: -3.4, -2: -5.5}  # measured in this museum
@@ -25,9 +32,16 @@ class RealWalk:
     truth: Checkpoints
     trajectories: dict[str, Trajectory]
     closures: tuple[Closure, ...]
+    result: WalkResult
 
     def rmse_m(self, name: str) -> float:
         return score(self.trajectories[name], self.truth).rmse_m
+
+    def along(self, building: Building) -> RealWalk:
+        """The same walk, told of its building."""
+        known = Told(building=building).aids(0.0)
+        laid = lay_along_axis(self.result.smoothed, self.result.track, known, self.result.config.graph)
+        return replace(self, trajectories={**self.trajectories, "smoothed": laid.trajectory})
 
 
 def walk(path: Path, *settings: str, closed_walk: bool = False) -> RealWalk:
@@ -35,7 +49,7 @@ def walk(path: Path, *settings: str, closed_walk: bool = False) -> RealWalk:
     log, truth = log_file.log, log_file.truth
     assert truth is not None
     result = reconstruct(log, load_config(preset(log.format), settings), Told(closed_walk=closed_walk))
-    return RealWalk(truth.since(log.t0_s), result.trajectories, result.smoothed.closures)
+    return RealWalk(truth.since(log.t0_s), result.trajectories, result.smoothed.closures, result)
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +76,25 @@ def test_museum_unaided(museum: dict[str, RealWalk]) -> None:
     assert mean["ekf"] < mean["pdr"]
 
 
+def learned(walks: Iterable[RealWalk]) -> Building:
+    """What they tell of their building, their truth aside."""
+    return building_of([walk_in_building(one.result) for one in walks]).building
+
+
+def wrong(building: Building, degrees: float) -> Building:
+    return Building(axis=building.axis.model_copy(update={"heading_deg": building.axis.heading_deg + degrees}))
+
+
+def test_museum_along_its_axis(museum: dict[str, RealWalk]) -> None:
+    building, walks = learned(museum.values()), [w for name, w in museum.items() if on_one_floor(name)]
+    assert building.axis.heading_deg == pytest.approx(70.0, abs=2.0 * building.axis.sigma_deg)
+    unaided_m = mean_rmse_m(walks)["smoothed"]
+    assert mean_rmse_m([w.along(building) for w in walks])["smoothed"] <= 0.85 * unaided_m
+    for degrees in (10.0, -10.0):  # refused by all but those whose compass is off as far
+        assert mean_rmse_m([w.along(wrong(building, degrees)) for w in walks])["smoothed"] <= 1.2 * unaided_m
+    assert mean_rmse_m([w.along(wrong(building, 45.0)) for w in walks])["smoothed"] == unaided_m
+
+
 def test_museum_closed(shared_data: Path) -> None:
     paths = [path for path in sorted((shared_data / "ipin2023").glob("*.gz")) if on_one_floor(path.name)]
     assert mean_rmse_m([walk(path, closed_walk=True) for path in paths])["smoothed"] <= 1.8
@@ -85,11 +118,17 @@ def test_altitude_on_the_stairs(museum: dict[str, RealWalk]) -> None:
 
 def test_shopping_centre_unaided(shared_data: Path) -> None:
     paths = sorted((shared_data / "indoor-location" / "site1").rglob("*.txt.gz"))
-    mean = mean_rmse_m([walk(path) for path in paths])
+    walks = [walk(path) for path in paths]
+    mean = mean_rmse_m(walks)
     assert len(paths) == 80
     assert mean["ekf"] <= 4.8
     assert mean["smoothed"] <= 4.1
     assert mean["smoothed"] <= 0.93 * mean["ekf"]
+    building = learned(walks)
+    assert building.axis.heading_deg == pytest.approx(10.0, abs=2.0 * building.axis.sigma_deg)
+    assert mean_rmse_m([w.along(building) for w in walks])["smoothed"] <= 0.99 * mean["smoothed"]
+    for degrees in (10.0, -10.0):
+        assert mean_rmse_m([w.along(wrong(building, degrees)) for w in walks])["smoothed"] <= 1.05 * mean["smoothed"]
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,7 @@ from fbgraph.way_back.turns import find_turns, leg_yaws
 _MIN_TURN_RAD = math.radians(20.0)
 _MIN_LEG_M = 4.0
 _BENT_RAD = math.radians(10.0)  # between the halves of a leg: what bends by more is a curve
+_STRAIGHT = 0.4  # of the distance walked: of a path through a park 0.28 at most, in a museum 0.70 at least
 _ASKEW_RAD = math.radians(8.0)  # of a leg along a corridor, its share of the compass's error included
 _ALONG = 0.85  # of the legs in a building
 _ONCE_M, _MOST = 10.0, 3.0  # so many metres of a leg count once, and no leg more often than this
@@ -84,7 +85,10 @@ class Legs:
 
 
 def straight_legs(trajectory: Trajectory) -> Legs:
-    """The legs of a walk that are long enough to have a direction, and do not bend."""
+    """The legs of a walk that are long enough to have a direction, and do not bend.
+
+    None of a walk that bends most of the way: what is straight of it is so by chance.
+    """
     edges = [0, *(turn.breadcrumb for turn in find_turns(trajectory, _MIN_TURN_RAD)), len(trajectory) - 1]
     yaw_rad, xy_m = leg_yaws(trajectory, edges), trajectory.xy_m
     legs = [
@@ -93,6 +97,8 @@ def straight_legs(trajectory: Trajectory) -> Legs:
         if hi > lo + 2 and not _bends(xy_m[lo], xy_m[(lo + hi) // 2], xy_m[hi])
     ]
     table = np.array([leg for leg in legs if leg[1] >= _MIN_LEG_M], dtype=float).reshape(-1, 3)
+    if table[:, 1].sum() < _STRAIGHT * float(trajectory.distance_m[-1]):
+        table = table[:0]
     return Legs(table[:, 0], table[:, 1], table[:, 2].astype(np.int64))
 
 
@@ -183,7 +189,7 @@ def _useless(legs: Legs, track: StepTrack, aids: Aids) -> str:
     if not np.isfinite(track.yaw_mag_rad).any():
         return "without a compass nobody knows which of its right angles the walk followed"
     if not len(legs.yaw_rad):
-        return f"the walk has no straight leg of {_MIN_LEG_M:.0f} m"
+        return f"too little of the walk is straight for {_MIN_LEG_M:.0f} m or more"
     return ""
 
 
