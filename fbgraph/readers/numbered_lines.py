@@ -31,6 +31,7 @@ _LONGEST = 1 << 16
 _MOST_HELD = 1 << 16  # lines behind a gap; later ones are asked for again
 _ASK_S, _ACKNOWLEDGE_S = 0.3, 2.0
 _RANGES, _LINES = 24, 400  # asked for at once
+_FAREWELL_S = 2.5  # after a walk, in which the device may hear what it missed: a link loses lines
 _GIVE_UP_S = 30.0  # of lines that came while those asked for did not
 Tell = Callable[[str], None]
 
@@ -134,7 +135,7 @@ class NumberedLines:
             self._asked.update(number for a, b in missing for number in range(a, b + 1))
             ranges = b";".join(b"%d-%d" % pair for pair in missing)
             lines.append(sealed(b"?", b"%s:%s" % (self.stored.walk.encode(), ranges)))
-        if now_s - self._told_s >= _ACKNOWLEDGE_S or (self.ended and self._told_s < now_s):
+        if now_s - self._told_s >= (_ASK_S if self.ended else _ACKNOWLEDGE_S):
             self._told_s = now_s
             lines.append(sealed(b"+", b"%s:%d" % (self.stored.walk.encode(), self.stored.count)))
         return lines
@@ -246,12 +247,15 @@ def in_order(source: Source, raw_path: Path, tell: Tell) -> Iterator[bytes]:
         tell: called with what was lost for good, and at the end with what was not.
     """
     lines = NumberedLines(tell, stored_lines(raw_path))
+    ended_s: float | None = None
     for data in source:
         yield lines.push(data, time.monotonic())
         for request in lines.requests(time.monotonic()):
             source.send(request)
-        if lines.ended:
+        if lines.ended and ended_s is None:
             tell("the device ended the walk")
+        ended_s = (ended_s or time.monotonic()) if lines.ended else None
+        if ended_s is not None and time.monotonic() - ended_s > _FAREWELL_S:
             break
     yield lines.finish()
     if lines.again or lines.garbled:
