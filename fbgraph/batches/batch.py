@@ -48,7 +48,7 @@ def batch(
         memory: bytes that a log may take; a share of the machine's if None.
         recording: whether to write ``recording.rrd`` too.
         options: ``format``, ``use_gnss``, ``closed_walk``, ``origin``, ``max_size``, ``forced``, ``layout``,
-            ``rate_hz``, for all logs.
+            ``rate_hz``, ``building``, ``building_axis``, for all logs.
 
     Returns:
         The index: a row a log, in their order, with summary, verdict, scores and timings, or why there is no run.

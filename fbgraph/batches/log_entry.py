@@ -35,7 +35,8 @@ class BatchOptions:
     Attributes:
         config: a preset or the place of a TOML file; the preset of each log's format if None.
         overrides: ``a.b=value`` strings.
-        format, use_gnss, closed_walk, origin, max_size, forced, layout, rate_hz: as of ``RunInputs``.
+        format, use_gnss, closed_walk, origin, max_size, forced, layout, rate_hz, building, building_axis: as of
+            ``RunInputs``.
         recording: whether to write ``recording.rrd``.
     """
 
@@ -49,6 +50,8 @@ class BatchOptions:
     forced: bool = False
     layout: str | None = None
     rate_hz: float | None = None
+    building: str | None = None
+    building_axis: str | None = None
     recording: bool = True
 
     def as_dict(self) -> dict[str, Any]:

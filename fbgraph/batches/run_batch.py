@@ -181,7 +181,8 @@ def _lasting(options: BatchOptions) -> BatchOptions:
     config = options.config
     if config is not None and (is_address(config) or config.endswith(".toml")):
         config = settled(config)
-    return replace(options, config=config, layout=None if options.layout is None else settled(options.layout))
+    layout, building = (None if one is None else settled(one) for one in (options.layout, options.building))
+    return replace(options, config=config, layout=layout, building=building)
 
 
 def _before(out: str, resume: bool, options: BatchOptions) -> list[LogEntry]:

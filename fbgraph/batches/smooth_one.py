@@ -28,6 +28,7 @@ from fbgraph.run.inputs import RunInputs
 from fbgraph.run.read_run import read_run
 
 _RECORDING = "recording.rrd"
+_FILES = ("log", "truth", "anchors", "layout", "building")
 
 
 def smooth_one(task: BatchTask) -> tuple[dict[str, Any], bool]:
@@ -83,6 +84,7 @@ def _inputs(task: BatchTask, scratch: Path) -> tuple[RunInputs, RunInputs, str |
         "truth": entry.truth,
         "anchors": entry.anchors,
         "layout": options.layout,
+        "building": options.building,
         "config": entry.config or options.config,
     }
     here: dict[str, Path | None] = {}
@@ -102,8 +104,10 @@ def _inputs(task: BatchTask, scratch: Path) -> tuple[RunInputs, RunInputs, str |
         options.use_gnss,
         here["layout"],
         options.rate_hz,
+        here["building"],
+        options.building_axis,
     )
-    kept = {name: places[name] for name in ("log", "truth", "anchors", "layout") if is_address(places[name] or "")}
+    kept = {name: places[name] for name in _FILES if is_address(places[name] or "")}
     config = places["config"] if here["config"] is None else str(here["config"])
     return local, replace(local, **kept), config  # type: ignore[arg-type]
 
@@ -115,7 +119,7 @@ def _places_told(scratch: str, local: RunInputs, noted: RunInputs) -> Iterator[N
         yield
     except FbgraphError as error:
         text = str(error)
-        for name in ("log", "truth", "anchors", "layout"):
+        for name in _FILES:
             copy, place = getattr(local, name), getattr(noted, name)
             if copy != place:
                 text = text.replace(str(copy), str(place))
@@ -125,7 +129,7 @@ def _places_told(scratch: str, local: RunInputs, noted: RunInputs) -> Iterator[N
 def task_key(task: BatchTask) -> str:
     """What a run was made from, in short: log, options, the files they name as they are now, and this fbgraph."""
     entry, options = task.entry, task.options
-    files = (entry.log, entry.truth, entry.anchors, options.layout)
+    files = (entry.log, entry.truth, entry.anchors, options.layout, options.building)
     config = entry.config or options.config
     content = {
         "entry": asdict(entry),

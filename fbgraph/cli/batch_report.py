@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fbgraph.cli.app import (
+    BuildingAxisOption,
+    BuildingOption,
     ClosedLoopOption,
     ConfigOption,
     FormatOption,
@@ -71,6 +73,8 @@ def batch(
     rate: RateOption = None,
     use_gnss: UseGnssOption = "none",
     closed_loop: ClosedLoopOption = False,
+    building: BuildingOption = None,
+    building_axis: BuildingAxisOption = None,
     origin: OriginOption = None,
     out_and_back: Annotated[
         bool,
@@ -94,7 +98,9 @@ def batch(
 
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    RunInputs.of(None, format_, None, None, closed_loop, where, most, force, use_gnss, layout, rate)  # told at once
+    known = building, building_axis
+    inputs = RunInputs.of(None, format_, None, None, closed_loop, where, most, force, use_gnss, layout, rate, *known)
+    inputs.building_told()  # what is wrong is told at once
     options = BatchOptions(
         config=config,
         overrides=(*(set_ or ()), *(() if out_and_back else ("returning.out_and_back=false",))),
@@ -106,6 +112,8 @@ def batch(
         forced=force,
         layout=None if layout is None else str(layout),
         rate_hz=rate,
+        building=None if building is None else str(building),
+        building_axis=building_axis,
         recording=not no_recording,
     )
     most_memory = None if memory is None else parse_size(memory, "--memory")

@@ -8,6 +8,7 @@ import pytest
 from support.commands import fbgraph as command
 
 import fbgraph
+from fbgraph import load_run
 from fbgraph.core.building import Building, BuildingAxis
 from fbgraph.core.building_files import write_building
 from fbgraph.reruns import repeat_run
@@ -110,3 +111,16 @@ def test_what_is_no_building_is_told_before_the_log_is_read(
 ) -> None:
     done = command("smooth", tmp_path / "no.csv", "--out", tmp_path / "run", *options, code=2)
     assert says in done.stderr
+
+
+def test_many_walks_along_one_axis(walk: Path, tmp_path: Path) -> None:
+    file = tmp_path / "b.toml"
+    write_building(Building(axis=BuildingAxis(heading_deg=0.0, sigma_deg=1.0)), file)
+    fbgraph.batch(walk, out=tmp_path / "file", workers=0, recording=False, building=str(file))
+    fbgraph.batch(walk, out=tmp_path / "text", workers=0, recording=False, building_axis="0,1")
+    by_file, by_text = (load_run(tmp_path / name / "runs" / "walk").summary for name in ("file", "text"))
+    assert by_file["axis"]["used"]
+    assert by_file["axis"] == by_text["axis"]
+    assert (by_file["inputs"]["building"], by_text["inputs"]["building_axis"]) == (str(file), "0,1")
+    done = command("batch", walk, "--out", tmp_path / "no", "--building", tmp_path / "gone.toml", code=2)
+    assert "gone.toml: No such file" in done.stderr
