@@ -103,7 +103,7 @@ def logs_in_folder(folder: Path) -> Iterator[Path]:
         inside = sorted(folder.iterdir())
     except OSError as error:
         raise DataError(f"{folder}: {error.strerror or error}; check the path") from error
-    files = {one.name: one for one in inside if one.is_file() and may_be_log(one.name)}
+    files = {one.name: one for one in inside if one.is_file() and may_be_log(one.name)}  # a pipe would be waited for
     recording = is_recording(list(files), lambda name: head_of(files[name]))
     if SUMMARY in files:  # a run, whose log is elsewhere
         return
@@ -111,7 +111,9 @@ def logs_in_folder(folder: Path) -> Iterator[Path]:
         yield folder
         return
     for one in inside:
-        if one.name in files:
+        if not may_be_log(one.name):
+            continue
+        if not one.is_dir():
             yield one
-        elif one.is_dir() and not one.is_symlink() and not one.name.startswith((".", "__MACOSX")):
+        elif not one.is_symlink():
             yield from logs_in_folder(one)

@@ -32,8 +32,7 @@ if TYPE_CHECKING:
 
 MANIFEST = "manifest.csv"
 OPTIONS = "options.json"
-REPORT = "report.html"
-_BATCH_FILES = {RUNS, MANIFEST, OPTIONS, INDEX, INDEX_CSV, REPORT}
+_BATCH_FILES = {RUNS, MANIFEST, OPTIONS, INDEX, INDEX_CSV, "report.html", "compared.html"}
 TIMEOUT_S = 3600.0
 """Of one log, if nothing else is said: a day's walk takes half of it."""
 

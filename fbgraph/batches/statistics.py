@@ -15,12 +15,10 @@ from fbgraph.study.comparison import CONFIDENCE, interval_of_mean
 if TYPE_CHECKING:
     import pandas as pd
 
-SHARES = (0.5, 0.75, 0.95)
+SHARES = (0.5, 0.95)
 """Quantiles that are told."""
 VERDICTS = ("sound", "doubtful", "withheld")
 _MANY = 1000  # means of more are normal enough
-CHANGED_M = 0.001
-"""A walk whose error or end moved by more is another."""
 
 
 @dataclass(frozen=True)

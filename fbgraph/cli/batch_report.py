@@ -23,7 +23,7 @@ from fbgraph.cli.app import (
     UseGnssOption,
     app,
 )
-from fbgraph.cli.printing import batch_progress_bar, complain, say, say_json
+from fbgraph.cli.printing import batch_progress_bar, complain, print_table, say, say_json
 from fbgraph.core.errors import DataError
 from fbgraph.core.safe_text import short_name
 
@@ -152,7 +152,7 @@ def _show_batch(result: Batch, as_json: bool) -> None:
         say(f"{duration_text(end.seconds)}{rate}")
         for errors in errors_of(frame):
             if errors.estimator == "smoothed":
-                half, _, most = errors.quantiles
+                half, most = errors.quantiles
                 say(
                     f"{errors.walks:,} scored: RMSE median {half.text()} m, 95 % below {most.value:.2f} m, "
                     f"worst {errors.worst_m:.2f} m"
@@ -162,7 +162,7 @@ def _show_batch(result: Batch, as_json: bool) -> None:
         for one in failures:
             first = "" if one.logs == 1 else "first "
             say(f"failed, {one.cause}: {one.logs:,}; {first}{short_name(one.name)}: {one.reason}")
-        say(f"written to {result.out}")
+        say(f"written to {result.out}; `fbgraph report {result.out}` draws it")
     if end.failed:
         raise DataError(
             f"{end.failed:,} of {end.total:,} logs failed; {Path('index.csv')} there names each with its reason"
@@ -175,3 +175,51 @@ def duration_text(seconds: float) -> str:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+@app.command(epilog="Examples: `fbgraph report runs/all`, `fbgraph report before after --out changed.html`")
+def report(
+    batches: Annotated[
+        list[str],
+        typer.Argument(metavar="DIR [DIR2]", help="A batch; or two, before and after a change.", show_default=False),
+    ],
+    out: Annotated[
+        str | None,
+        typer.Option(metavar="FILE.html", help="report.html (of two: compared.html) in the last DIR if absent."),
+    ] = None,
+    pictures: Annotated[int, typer.Option(metavar="N", min=0, help="Draw so many of the worst.")] = 10,
+    as_json: JsonOption = False,
+) -> None:
+    """Errors, coverage, verdicts and failures of a batch: a page and tables; of two, what changed between them."""
+    from fbgraph.batches import report_tables as tables
+    from fbgraph.batches.places import joined
+    from fbgraph.batches.report import read_report, write_report
+
+    found = read_report(batches)
+    place = out or joined(found.places[-1], "report.html" if found.changes is None else "compared.html")
+    write_report(found, place, pictures)
+    frame = found.index
+    shown = {
+        "errors": tables.error_rows(frame),
+        "verdicts": tables.verdict_rows(frame),
+        "failures": tables.failure_rows(frame),
+        "worst": tables.worst_rows(frame),
+    }
+    if found.changes is not None:
+        shown = {"paired": tables.paired_rows(found.changes), "changed": tables.changed_rows(found.changes), **shown}
+    if as_json:
+        as_records = {name: [dict(zip(rows[0], row, strict=True)) for row in rows[1:]] for name, rows in shown.items()}
+        say_json({"out": place, "batches": list(found.places), **as_records})
+        return
+    for one, index in zip(found.places, found.indices, strict=True):
+        say(f"{one}: {tables.headline(index)}")
+    if found.changes is not None:
+        say(tables.changed_text(found.changes))
+    for name, (head, *rows) in shown.items():
+        if rows and name != "failures":
+            print_table(head, rows)
+        for cause, count, first in rows if name == "failures" else ():
+            say(f"failed, {cause}: {count}; {'' if count == '1' else 'first '}{first}")
+    if told := tables.coverage_text(frame):
+        say(told)
+    say(f"written to {place}")

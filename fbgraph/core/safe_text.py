@@ -82,6 +82,11 @@ def for_xml(text: str) -> str:
     return visible(text)
 
 
+def in_template(value: object) -> object:
+    """What a page's template shows: of text, no character that does something unseen; it escapes markup itself."""
+    return visible(value, keep="\n") if type(value) is str else value
+
+
 def for_json(document: str) -> str:
     """The same JSON, every unseen character in it as its escape: it can be shown, and written in any encoding."""
     if document.isprintable():

@@ -16,7 +16,7 @@ from typing import Any
 
 from fbgraph import __version__
 from fbgraph.core.config import dump_toml
-from fbgraph.core.safe_text import for_csv, for_latex, for_markdown, for_terminal, visible
+from fbgraph.core.safe_text import for_csv, for_latex, for_markdown, for_terminal, in_template, visible
 from fbgraph.study.column_names import dump_layout
 from fbgraph.study.comparison import CONFIDENCE, RESAMPLES, Overall, Paired
 from fbgraph.study.figures import draw
@@ -259,17 +259,12 @@ def _parameters(result: StudyResult) -> list[list[str]]:
     return rows
 
 
-def _seen(value: object) -> object:
-    """What a template shows: of text, no character that does something unseen."""
-    return visible(value, keep="\n") if type(value) is str else value
-
-
 def _html(result: StudyResult, pictures: dict[str, tuple[bytes, str]], command: str, seconds: float) -> str:
     import jinja2
 
-    template = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_seen).from_string(
-        (files("fbgraph.study") / "report.html.j2").read_text("utf-8")
-    )
+    template = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=in_template
+    ).from_string((files("fbgraph.study") / "report.html.j2").read_text("utf-8"))
     heads = ["Difference", "ratio", "mean (m)", f"{CONFIDENCE:.0%} interval (m)", "better in", "Wilcoxon p", "t test p"]
     shown = result.methods
     return template.render(

@@ -1,4 +1,5 @@
 import gzip
+import os
 import zipfile
 from pathlib import Path
 
@@ -32,7 +33,8 @@ def test_a_folder_of_walks_is_many_logs_in_natural_order(tmp_path: Path) -> None
     write(tmp_path, "walk10.csv", "walk2.csv", "deep/er/walk1.csv", ".hidden.csv", "notes.md")
     (tmp_path / "more.txt.gz").write_bytes(gzip.compress(ALONE.encode()))
     (tmp_path / "broken.csv").touch()
-    there = ["broken.csv", "deep/er/walk1.csv", "more.txt.gz", "walk2.csv", "walk10.csv"]
+    os.mkfifo(tmp_path / "pipe.csv")  # nobody waits for it here
+    there = ["broken.csv", "deep/er/walk1.csv", "more.txt.gz", "pipe.csv", "walk2.csv", "walk10.csv"]
     assert below(tmp_path, tmp_path) == there
     assert below(tmp_path, f"{tmp_path}/walk*.csv") == ["walk2.csv", "walk10.csv"]
     assert below(tmp_path, f"{tmp_path}/**/walk1*.csv") == ["deep/er/walk1.csv", "walk10.csv"]
