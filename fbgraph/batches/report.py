@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
 _MOST_CHANGES = 100
 _MOST_FAILED = 200
-_MOST_PICTURES = 10
-_PICTURE_IN = 7.0
+
+Draw = Callable[[Path], bytes]
+"""Called with a run folder; its picture, a PNG."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +67,13 @@ def read_report(batches: Sequence[str]) -> Report:
     return Report(places, indices, changes(*indices) if len(indices) == 2 else None)
 
 
-def write_report(report: Report, out: str, pictures: int = _MOST_PICTURES) -> None:
+def write_report(report: Report, out: str, draw: Draw, pictures: int = 10) -> None:
     """Write the page: one HTML file that needs no other.
 
     Args:
         report: what to tell.
         out: the file.
+        draw: as ``plots.walk_figure.run_png``.
         pictures: of how many of the worst runs.
 
     Raises:
@@ -97,7 +99,7 @@ def write_report(report: Report, out: str, pictures: int = _MOST_PICTURES) -> No
         failed=tables.failed_rows(frame, _MOST_FAILED),
         more_failed=max(failed - _MOST_FAILED, 0),
         worst=tables.worst_rows(frame),
-        pictures=[_picture(report.places[-1], row, out) for row in _worst(frame, pictures)],
+        pictures=[_picture(report.places[-1], row, out, draw) for row in _worst(frame, pictures)],
         links={str(row["name"]): f"#worst{k + 1}" for k, row in enumerate(_worst(frame, pictures))},
         provenance=_provenance(report),
     )
@@ -134,18 +136,13 @@ def _distribution(report: Report) -> str:
     return base64.b64encode(distribution_png(curves)).decode("ascii")
 
 
-def _picture(batch: str, row: dict[str, Any], out: str) -> tuple[str, str, str, str, str]:
+def _picture(batch: str, row: dict[str, Any], out: str, draw: Draw) -> tuple[str, str, str, str, str]:
     """Name, what is to be said, PNG as base64, the run folder and the link to its recording; of one run."""
-    from fbgraph.plots.walk_figure import write_figure
-    from fbgraph.run.named_runs import named_runs
-
     run, why = joined(batch, str(row["run"])), str(row["why"] or row["verdict"] or "")
     with TemporaryDirectory(prefix="fbgraph-") as scratch:
         try:
             folder = fetched(run, Path(scratch))
-            figure = Path(scratch) / "walk.png"
-            write_figure(named_runs([folder], lost_is_unknown=True), figure, (), _PICTURE_IN)
-            png = base64.b64encode(figure.read_bytes()).decode("ascii")
+            png = base64.b64encode(draw(folder)).decode("ascii")
             recording = (folder / "recording.rrd").is_file()
         except (FbgraphError, OSError) as error:  # a run that was removed or damaged since
             return str(row["name"]), f"{why}; not drawn: {error}", "", run, ""

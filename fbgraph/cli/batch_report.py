@@ -194,10 +194,11 @@ def report(
     from fbgraph.batches import report_tables as tables
     from fbgraph.batches.places import joined
     from fbgraph.batches.report import read_report, write_report
+    from fbgraph.plots.walk_figure import run_png
 
     found = read_report(batches)
     place = out or joined(found.places[-1], "report.html" if found.changes is None else "compared.html")
-    write_report(found, place, pictures)
+    write_report(found, place, run_png, pictures)
     frame = found.index
     shown = {
         "errors": tables.error_rows(frame),

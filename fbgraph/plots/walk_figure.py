@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import matplotlib as mpl
@@ -20,6 +21,7 @@ from fbgraph.plots.drawn import Drawn, distinct_truths, drawn_of, north_of
 from fbgraph.plots.map_panel import draw_map, extent_m, finish_map, is_dense
 from fbgraph.plots.style import PAPER, TRUTH
 from fbgraph.run.evaluation import NamedRun
+from fbgraph.run.named_runs import named_runs
 
 FORMATS: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
@@ -68,6 +70,18 @@ def write_figure(runs: Sequence[NamedRun], path: Path, estimators: Sequence[str]
         figure = walk_figure(runs, estimators, width_in)
         with whole_file(path) as partial, open(partial, "wb") as out:
             figure.savefig(out, format=ending[1:], metadata=FORMATS[ending])
+
+
+def run_png(folder: Path, width_in: float = 7.0) -> bytes:
+    """The figure of one run folder as a PNG; without truth where that is no longer there.
+
+    Raises:
+        DataError: a damaged run.
+    """
+    with TemporaryDirectory(prefix="fbgraph-") as scratch:
+        path = Path(scratch) / "walk.png"
+        write_figure(named_runs([folder], lost_is_unknown=True), path, (), width_in)
+        return path.read_bytes()
 
 
 def walk_figure(runs: Sequence[NamedRun], estimators: Sequence[str] = (), width_in: float = 7.0) -> Figure:

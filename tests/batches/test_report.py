@@ -10,6 +10,7 @@ from support.commands import fbgraph
 from fbgraph.batches.batch import batch
 from fbgraph.batches.report import read_report, write_report
 from fbgraph.core.errors import ConfigError, DataError
+from fbgraph.plots.walk_figure import run_png
 from fbgraph.simulator.files import simulate_files
 from fbgraph.simulator.routes import load_route
 from fbgraph.simulator.simulate_options import SimulateOptions
@@ -47,7 +48,7 @@ class Page(HTMLParser):
 
 def test_the_page_needs_no_other_file_and_runs_nothing(batches: Path) -> None:
     out = batches / "before" / "report.html"
-    write_report(read_report([str(batches / "before")]), str(out))
+    write_report(read_report([str(batches / "before")]), str(out), run_png)
     page = Page(out)
     assert not {"script", "iframe", "link"} & {tag for tag, _ in page.tags}
     assert not [attributes for _, attributes in page.tags if any(name.startswith("on") for name in attributes)]
@@ -102,5 +103,5 @@ def test_what_is_no_batch(tmp_path: Path) -> None:
 def test_a_run_that_is_gone_is_not_drawn(batches: Path, tmp_path: Path) -> None:
     shutil.copytree(batches / "after", tmp_path / "b")
     shutil.rmtree(tmp_path / "b" / "runs")
-    write_report(read_report([str(tmp_path / "b")]), str(tmp_path / "r.html"))
+    write_report(read_report([str(tmp_path / "b")]), str(tmp_path / "r.html"), run_png)
     assert "not drawn: " in (tmp_path / "r.html").read_text("utf-8")
