@@ -24,7 +24,6 @@ from fbgraph.core.whole_writes import whole_file
 from fbgraph.pipeline import reconstruct
 from fbgraph.run.walk_result import WalkResult
 
-_NO_BETTER = 1.0  # of the error as shipped
 _TOLD_AT_MOST = 5
 
 
@@ -88,14 +87,19 @@ class Calibration:
         iron_ut = self.device.iron_ut
         known = {key: None if value != value else value for key, value in device.items() if key != "iron_ut"}
         device = known | {"iron_ut": None if iron_ut is None else iron_ut.tolist()}
-        return {"wearer": asdict(self.wearer), "device": device, "notes": list(self.notes)}
+        return {
+            "wearer": {**asdict(self.wearer), "used": self.wearer.better},
+            "device": device,
+            "notes": list(self.notes),
+        }
 
     def to_toml(self) -> str:
         """What ``--config`` takes: all keys that differ from the defaults, below lines on what they come from."""
         wearer, checked = self.wearer, self.wearer.cross_validation
         said = [
             "A wearer and a device by `fbgraph calibrate`; --config takes it.",
-            f"Step length by {wearer.walks} walks, {wearer.legs} legs, {wearer.walked_m:.0f} m, {wearer.steps} steps: "
+            f"Step length {'fitted to' if wearer.better else 'as it was, for it does no better fitted to'} "
+            f"{wearer.walks} walks, {wearer.legs} legs, {wearer.walked_m:.0f} m, {wearer.steps} steps: "
             f"{wearer.scale:.3f} of what it was (± {1.96 * wearer.scale_sigma:.3f}, 95 %).",
         ]
         if checked is not None:
@@ -186,9 +190,9 @@ def _remarks(wearer: WearerFit) -> list[str]:
     checked = wearer.cross_validation
     if checked is None:
         said.append("nothing could be left out to check the fit: one length only; a second walk would tell")
-    elif checked.fitted_rel > _NO_BETTER * checked.shipped_rel:
+    elif not wearer.better:
         said.append(
-            f"on what was left out it is no better than the step length as it was ({100.0 * checked.fitted_rel:.1f} "
-            f"against {100.0 * checked.shipped_rel:.1f} %): that may serve as well"
+            f"on what was left out the fit does hardly better, or worse, than the step length as it was "
+            f"({checked.fitted_rel:.1%} against {checked.shipped_rel:.1%}), which is kept"
         )
     return said

@@ -36,6 +36,8 @@ _ROUNDS = 3
 _LEAST_WALKS, _LEAST_WALKS_TO_DOUBT = 3, 5
 _UNLIKE = 0.05  # from walk to walk, beyond which one that is alone with it is doubted, by as many sigmas
 _LEAST_LEGS = 4  # to leave one out
+_BETTER = {"walk": 0.8, "leg": 0.95}  # of the error as shipped, on what was left out; else nothing is changed
+_LEAST_SURE = 0.035  # of a wearer's scale on another day
 _EDGE_PERCENT, _EDGE_HZ, _EDGE_M_S = 1.0, 0.05, 0.02  # of the steps at hand; what lies beyond is outside
 
 
@@ -103,10 +105,22 @@ class WearerFit:
     cross_validation: CrossValidation | None
     left_out: tuple[str, ...]
 
+    @property
+    def better(self) -> bool:
+        """Whether it does clearly better than the step length as it was, on what was left out; else it is not used.
+
+        Walks that were left out must come out a fifth closer: less is chance with the few that people have. Legs, which
+        have errors of their own, a twentieth.
+        """
+        checked = self.cross_validation
+        return checked is None or checked.fitted_rel < _BETTER[checked.left_out] * checked.shipped_rel
+
     def applied(self, config: Config) -> Config:
-        """The configuration with this step length, and what is still unsure about it."""
+        """The configuration with this step length if it is better, and with what is still unsure about it."""
+        if not self.better:
+            return config
         values = {one.key: round(one.value, 5) for one in self.coefficients}
-        sure = float(np.hypot(self.scale_sigma, self.spread_rel))
+        sure = max(float(np.hypot(self.scale_sigma, self.spread_rel)), _LEAST_SURE)
         if (checked := self.cross_validation) is not None and checked.left_out == "walk":
             sure = max(sure, checked.fitted_rel)
         length = values | {

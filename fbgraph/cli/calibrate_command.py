@@ -65,6 +65,7 @@ def calibrate(
 
     As many coefficients are fitted as the walks tell, by least squares and drawn towards those of --config; the others
     keep their proportions. --config m5stickc fits the paper's α, β, γ. One known distance is enough for the scale.
+    A fit that does hardly better on walks (of one walk, legs) left out is not used, which is said.
     """
     from fbgraph.calibration.calibrate_logs import calibrate as calibrate_logs
     from fbgraph.core.bounded import parse_size

@@ -106,9 +106,20 @@ def test_what_all_steps_of_a_walk_share_is_not_taken_for_certainty() -> None:
     assert fit.cross_validation is not None
     assert (fit.cross_validation.left_out, fit.cross_validation.count) == ("walk", 12)
     assert fit.cross_validation.fitted_rel == pytest.approx(np.std(scales), rel=0.35)
+    assert not fit.better
+    assert fit.applied(load_config("phone")) == load_config("phone")  # what is no better is not used
+
+
+def test_no_wearer_is_surer_than_their_walks_are_alike() -> None:
+    theta = 1.15 * coefficients(PHONE)
+    scales = [0.93, 0.95, 0.96, 0.98, 0.99, 1.0, 1.01, 1.02, 1.03, 1.05, 1.06, 1.08]
+    fit = fit_wearer([made(PHONE, theta, k, legs=30, scale=scale) for k, scale in enumerate(scales)], PHONE)
     applied = fit.applied(load_config("phone"))
+    assert fit.cross_validation is not None
     assert applied.graph.sigma_length_scale == pytest.approx(fit.cross_validation.fitted_rel, abs=1e-4)
     assert applied.step_length.calibrated_hz == (1.7, 1.8)
+    alike = fit_wearer([made(PHONE, theta, k, legs=30) for k in range(12)], PHONE)
+    assert alike.applied(load_config("phone")).graph.sigma_length_scale == 0.035  # on another day
 
 
 def test_a_single_walk_is_checked_leg_by_leg() -> None:
