@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from fbgraph.core.building import SIGMAS_DEG, Building, BuildingAxis, BuildingField
 from fbgraph.core.config import load_config
 from fbgraph.core.earth_field import with_declination
-from fbgraph.core.errors import DataError, FbgraphError
+from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray
 from fbgraph.core.georeference import Georeference
 from fbgraph.estimators.building_axis import straight_legs
@@ -21,6 +22,7 @@ from fbgraph.front_end.step_track import StepTrack
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset_of, read_log
 from fbgraph.run.walk_result import WalkResult
+from fbgraph.workers.run_tasks import run_tasks
 
 _CLEAR = 3.0  # logarithm of the odds for one axis against none; 1 % of sets of walks without an axis reach it
 _MANY = 10
@@ -73,6 +75,7 @@ def learn_building(
     config: str | Path | None = None,
     overrides: Sequence[str] = (),
     origin: tuple[float, float] | None = None,
+    workers: int | None = 0,
     progress: Callable[[str, float], None] = lambda name, share: None,
 ) -> LearnedBuilding:
     """Learn a building's axis, and Earth's field in it, from walks without truth.
@@ -84,7 +87,8 @@ def learn_building(
         config: a preset or a TOML file; the preset of each log's format if None.
         overrides: ``a.b=value`` strings, as ``--set`` takes them.
         origin: latitude and longitude of the building, degrees: its axis is then counted from true North.
-        progress: told the name of each log as it is read, and which share of them is done.
+        workers: processes that smooth them, one a core if None; with 0 it is done in this one.
+        progress: told the name of each log that is smoothed, and which share of them is done.
 
     Raises:
         ConfigError: a wrong option.
@@ -92,13 +96,14 @@ def learn_building(
     """
     where = None if origin is None else Georeference(*origin)
     load_config(None if config is None else str(config), overrides)
-    walks, notes = [], []
-    for i, log in enumerate(map(Path, logs)):
-        progress(log.name, i / len(logs))
-        try:
-            walks.append(_walked(log, None if config is None else str(config), overrides, where))
-        except FbgraphError as error:
-            notes.append(f"left out: {error}")
+    paths, outcomes = [Path(log) for log in logs], []
+    walked = partial(_walked, config=None if config is None else str(config), overrides=tuple(overrides), where=where)
+    for outcome in run_tasks(walked, paths, workers):
+        outcomes.append(outcome)
+        progress(paths[outcome.number].name, len(outcomes) / len(paths))
+    outcomes.sort(key=lambda one: one.number)
+    walks = [one.value for one in outcomes if one.value is not None]
+    notes = [f"left out: {one.reason}" for one in outcomes if one.cause]
     learned = building_of(walks)
     return LearnedBuilding(learned.building, learned.log_odds, learned.walks, (*notes, *learned.notes))
 

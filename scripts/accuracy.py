@@ -22,7 +22,6 @@ import hashlib
 import sys
 import tomllib
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +36,7 @@ from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset, read_log
 from fbgraph.run.coverage import ELLIPSE_95
 from fbgraph.study.comparison import interval_of_mean
+from fbgraph.workers.run_tasks import run_tasks
 
 FLOORS_M = {0: 0.0, -1: -3.4, -2: -5.5}  # measured in the museum of ipin2023
 BASELINE = Path(__file__).with_name("accuracy_baseline.toml")
@@ -92,10 +92,8 @@ def _order(found: FoundLog) -> tuple[str, str]:
 
 def scored(found: Sequence[FoundLog], jobs: int) -> list[ScoredWalk | None]:
     """All logs, in order."""
-    if jobs < 2:
-        return [score_log(one) for one in found]
-    with ProcessPoolExecutor(jobs) as pool:
-        return list(pool.map(score_log, found))
+    outcomes = sorted(run_tasks(score_log, found, 0 if jobs < 2 else jobs), key=lambda one: one.number)
+    return [one.required() for one in outcomes]
 
 
 def by_group(walks: Iterable[ScoredWalk]) -> dict[str, list[ScoredWalk]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from fbgraph.core.sensor_log import SensorLog
 from fbgraph.core.whole_writes import whole_file
 from fbgraph.pipeline import reconstruct
 from fbgraph.run.walk_result import WalkResult
+from fbgraph.workers.run_tasks import run_tasks
 
 _TOLD_AT_MOST = 5
 
@@ -124,14 +126,18 @@ class Calibration:
 
 
 def calibrate_walks(
-    walks: Sequence[KnownWalk], config: Config, progress: Callable[[str], None] = lambda name: None
+    walks: Sequence[KnownWalk],
+    config: Config,
+    progress: Callable[[str], None] = lambda name: None,
+    workers: int | None = 0,
 ) -> Calibration:
     """Calibrate the step length of a wearer, and a device's iron and gyroscope.
 
     Args:
         walks: of one wearer with one device.
         config: where fitting starts: its step length's terms are those that are fitted.
-        progress: told the name of each walk as its turn comes.
+        progress: told the name of each walk that is done.
+        workers: processes that walks are smoothed in, one a core if None; with 0 it is done in this one.
 
     Raises:
         DataError: no walk, no step, no known length, or one that cannot be the steps'.
@@ -140,18 +146,30 @@ def calibrate_walks(
         raise DataError("nothing to calibrate with: name at least one log")
     for walk in walks:
         walk.require_length()
-    legs, seen, notes = [], [], []
-    for walk in walks:
-        progress(walk.log.name)
-        its = with_declination(config, walk.told.place, walk.log.t0_s)
-        result = reconstruct(walk.log, its, replace(walk.told, truth=None, anchors=None))
-        notes += _doubts(result)
-        legs.append(_legs_of(walk, result))
-        seen.append(_seen(walk, result))
-    wearer = fit_wearer(legs, config.step_length)
-    device = fit_device(seen, config.graph.sigma_gyro_scale)
-    notes += _remarks(wearer)
+    shown: list[_Shown | None] = [None] * len(walks)
+    for outcome in run_tasks(partial(_smoothed, config=config), walks, workers):
+        shown[outcome.number] = outcome.required()
+        progress(walks[outcome.number].log.name)
+    found = [one for one in shown if one is not None]
+    wearer = fit_wearer([one.legs for one in found], config.step_length)
+    device = fit_device([one.device for one in found], config.graph.sigma_gyro_scale)
+    notes = [*(doubt for one in found for doubt in one.doubts), *_remarks(wearer)]
     return Calibration(device.applied(wearer.applied(config)), wearer, device, tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """What one walk shows: its lengths, its device, and why neither may be believed."""
+
+    legs: Legs
+    device: SeenDevice
+    doubts: tuple[str, ...]
+
+
+def _smoothed(walk: KnownWalk, config: Config) -> _Shown:
+    its = with_declination(config, walk.told.place, walk.log.t0_s)
+    result = reconstruct(walk.log, its, replace(walk.told, truth=None, anchors=None))
+    return _Shown(_legs_of(walk, result), _seen(walk, result), tuple(_doubts(result)))
 
 
 def _legs_of(walk: KnownWalk, result: WalkResult) -> Legs:

@@ -38,6 +38,7 @@ def calibrate(
     max_size: int | None = None,
     layout: str | Path | None = None,
     rate_hz: float | None = None,
+    workers: int | None = 0,
     progress: Callable[[str], None] = lambda name: None,
 ) -> Calibration:
     """Calibrate a wearer's step length and a device from walks of known length or between known places.
@@ -54,7 +55,8 @@ def calibrate(
             logs' format if None.
         overrides: ``a.b=value`` strings, as ``--set`` takes them.
         format_name, max_size, layout, rate_hz: how logs are read, as of ``smooth``.
-        progress: told the name of each walk as its turn comes.
+        workers: processes that smooth the walks, one a core if None; with 0 it is done in this one.
+        progress: told the name of each walk that is done.
 
     Returns:
         What was found; ``save`` writes the file that ``--config`` takes.
@@ -92,7 +94,7 @@ def calibrate(
         presets.setdefault(preset_of(file), file.log.name)
         read, told = with_places(file, Told(truth=_places(its_truth), anchors=_places(its_anchors)), inputs)
         walks.append(KnownWalk(read, told, distance))
-    return calibrate_walks(walks, _configuration(config, presets, overrides), progress)
+    return calibrate_walks(walks, _configuration(config, presets, overrides), progress, workers)
 
 
 def _configuration(config: str | Path | Config | None, presets: dict[str, str], overrides: Sequence[str]) -> Config:

@@ -166,7 +166,19 @@ ForceOption = Annotated[
         help="Replace the run of another log or configuration, never a live walk; write a walk that is withheld.",
     ),
 ]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option("--workers", metavar="N", min=0, help="Processes; one a core if absent, 0 for none but this."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+
+
+_FEW_LOGS = 3
+
+
+def workers_for(logs: int, asked: int | None) -> int | None:
+    """Processes for so many logs: as asked; else none but this for a few, which are done before others start."""
+    return 0 if asked is None and logs <= _FEW_LOGS else asked
 
 
 def require_rerun() -> None:

@@ -21,6 +21,7 @@ from fbgraph.cli.app import (
     RateOption,
     SetOption,
     UseGnssOption,
+    WorkersOption,
     app,
 )
 from fbgraph.cli.printing import batch_progress_bar, complain, print_table, say, say_json
@@ -46,9 +47,7 @@ def batch(
             show_default=False,
         ),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", min=0, help="Processes; one a core if absent, 0 for none but this.")
-    ] = None,
+    workers: WorkersOption = None,
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="tcp://HOST:PORT", help="Work on the Dask cluster of this scheduler instead."),

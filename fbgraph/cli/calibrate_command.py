@@ -16,7 +16,9 @@ from fbgraph.cli.app import (
     RateOption,
     SetOption,
     UseGnssOption,
+    WorkersOption,
     app,
+    workers_for,
 )
 from fbgraph.cli.printing import print_table, say, say_json
 
@@ -59,6 +61,7 @@ def calibrate(
     layout: LayoutOption = None,
     rate: RateOption = None,
     max_size: MaxSizeOption = None,
+    workers: WorkersOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fit the step length to a wearer, and find a device's iron and gyroscope scale, from walks of known length.
@@ -85,6 +88,7 @@ def calibrate(
         max_size=None if max_size is None else parse_size(max_size),
         layout=layout,
         rate_hz=rate,
+        workers=workers_for(len(logs), workers),
     )
     if out is not None:
         found.save(out)

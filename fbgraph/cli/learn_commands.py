@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fbgraph.cli.app import ConfigOption, JsonOption, OriginOption, SetOption, app
+from fbgraph.cli.app import ConfigOption, JsonOption, OriginOption, SetOption, WorkersOption, app, workers_for
 from fbgraph.cli.printing import say, say_json, study_progress_bar
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def learn_building(
     config: ConfigOption = None,
     set_: SetOption = None,
     origin: OriginOption = None,
+    workers: WorkersOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Learn which way a building's corridors run, and its magnetic field, from walks without truth.
@@ -43,7 +44,8 @@ def learn_building(
     where = None if origin is None else parse_origin(origin)
     there = None if where is None else (where.lat_deg, where.lon_deg)
     with study_progress_bar() as progress:
-        found = learn(logs, config=config, overrides=set_ or (), origin=there, progress=progress)
+        processes = workers_for(len(logs), workers)
+        found = learn(logs, config=config, overrides=set_ or (), origin=there, workers=processes, progress=progress)
     write_building(found.building, out)
     if as_json:
         say_json(_as_dict(found, out))

@@ -7,7 +7,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from fbgraph.core.errors import ConfigError, DataError, EstimationError, FbgraphError
 
@@ -51,6 +51,17 @@ class Outcome(Generic[Value]):
     def tried(self, number: int, tries: int) -> Outcome[Value]:
         """The same of the item of this number, at this try."""
         return replace(self, number=number, tries=tries)
+
+    def required(self) -> Value:
+        """What the function returned.
+
+        Raises:
+            FbgraphError: it did not; of the kind that it was.
+        """
+        if self.cause:
+            kind = next((kind for kind, name in _CAUSES if name == self.cause and issubclass(kind, FbgraphError)), None)
+            raise (kind or FbgraphError)(self.reason)
+        return cast("Value", self.value)
 
 
 def attempt(function: Callable[[Item], Value], item: Item) -> Outcome[Value]:

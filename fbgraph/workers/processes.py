@@ -41,7 +41,8 @@ class LocalPool(Generic[Item, Value]):
 
     def _new_pool(self) -> ProcessPool:
         context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload([name for name in (self._function.__module__,) if name != "__main__"])
+        module = getattr(self._function, "func", self._function).__module__  # of what a partial calls
+        context.set_forkserver_preload([name for name in (module,) if name != "__main__"])
         if multiprocessing.current_process().daemon:  # as a Dask worker is: ours end with it all the same
             multiprocessing.current_process().daemon = False
         return ProcessPool(self._workers, _MOST_TASKS, limit_worker, (self._memory_bytes,), context)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from support.worker_tasks import note_and_die_once, slowly, threads_told, work
 
-from fbgraph.core.errors import ConfigError
+from fbgraph.core.errors import ConfigError, DataError, FbgraphError
 from fbgraph.workers.limits import LEAST_BYTES, share_of_memory
 from fbgraph.workers.outcome import Outcome
 from fbgraph.workers.run_tasks import run_tasks
@@ -55,6 +55,16 @@ def test_the_same_here_and_in_processes() -> None:
         a, b = here[number], there[number]
         assert (a.value, a.cause, a.reason, a.tries) == (b.value, b.cause, b.reason, b.tries)
     assert [here[number].tries for number in range(4)] == [1, 1, 2, 1]  # a disk may recover, data do not
+
+
+def test_who_needs_all_values_gets_the_error_of_the_first_that_has_none() -> None:
+    items: list[int | str] = [3, "data", "bug"]
+    good, bad, worse = run_tasks(work, items, 0)
+    assert good.required() == 9
+    with pytest.raises(DataError, match=r"walk\.csv: nothing in it"):
+        bad.required()
+    with pytest.raises(FbgraphError, match="KeyError: 'bug'"):
+        worse.required()
 
 
 def test_who_died_is_tried_again(tmp_path: Path) -> None:
