@@ -66,7 +66,9 @@ def record(
     say(f"written to {reruns.record_run(run, out, log)}")
 
 
-@app.command(epilog="Examples: `fbgraph guide runs/walk`, `fbgraph guide runs/walk --format gpx --origin 49.46,11.11`")
+@app.command(
+    epilog="Examples: `fbgraph guide runs/walk`, `fbgraph guide runs/walk --shorten --format gpx --origin 49.46,11.11`"
+)
 def guide(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.", show_default=False)],
     pace_m: Annotated[
@@ -82,6 +84,9 @@ def guide(
         str | None,
         typer.Option(metavar="LAT,LON", help="Where the walk began, for maps; the run's own georeference if absent."),
     ] = None,
+    shorten: Annotated[
+        bool, typer.Option("--shorten", help="Leave out loops and dead ends that the walk closed itself.")
+    ] = False,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write there, not to stdout.")] = None,
 ) -> None:
     """Directions back along the breadcrumbs, from the end of a walk to its start."""
@@ -98,7 +103,7 @@ def guide(
     given = None if origin is None else parse_origin(origin)
     saved = read_run(run)
     placed = placement(saved, estimator, given) if format_ in ("geojson", "gpx") else None
-    there = read_directions(saved, estimator, pace_m, placed.turned_rad if placed else 0.0)
+    there = read_directions(saved, estimator, pace_m, placed.turned_rad if placed else 0.0, shorten)
     if placed and placed.note:
         complain(placed.note)
     elif format_ == "text" and (north := (saved.summary.get("declination") or {}).get("deg")):

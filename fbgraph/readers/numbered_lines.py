@@ -29,7 +29,7 @@ _COUNT = re.compile(rb"([0-9a-f]{4}):(\d{1,9})")
 _RANGE = re.compile(rb"([0-9a-f]{4}):(\d{1,9})-(\d{1,9})")
 _LONGEST = 1 << 16
 _MOST_HELD = 1 << 16  # lines behind a gap; later ones are asked for again
-_ASK_S, _ACKNOWLEDGE_S = 0.3, 2.0
+_ASK_S, _PATIENCE_S, _ACKNOWLEDGE_S = 0.3, 1.0, 2.0
 _RANGES, _LINES = 24, 400  # asked for at once
 _FAREWELL_S = 2.5  # after a walk, in which the device may hear what it missed: a link loses lines
 _GIVE_UP_S = 30.0  # of lines that came while those asked for did not
@@ -104,7 +104,7 @@ class NumberedLines:
         self._rest = b""
         self._held: dict[int, bytes] = {}
         self._known = self.stored.count  # lines that the device has
-        self._heard_s = self._asked_s = self._told_s = -1e9
+        self._heard_s = self._asked_s = self._came_s = self._told_s = -1e9
         self._asked: set[int] = set()
         self._waits, self._waited_s = False, 0.0  # for what was asked for, while other lines came
         self.numbers = False
@@ -129,10 +129,11 @@ class NumberedLines:
         if not self.numbers:
             return []
         lines = []
-        if now_s - self._asked_s >= _ASK_S and (missing := self._missing()):
-            self._asked_s = now_s
+        comes = bool(self._asked) and now_s - self._came_s < _PATIENCE_S  # asking again would only double it
+        if now_s - self._asked_s >= _ASK_S and not comes and (missing := self._missing()):
+            self._asked_s = self._came_s = now_s
             self._waits = True
-            self._asked.update(number for a, b in missing for number in range(a, b + 1))
+            self._asked = {number for a, b in missing for number in range(a, b + 1)}
             ranges = b";".join(b"%d-%d" % pair for pair in missing)
             lines.append(sealed(b"?", b"%s:%s" % (self.stored.walk.encode(), ranges)))
         if now_s - self._told_s >= (_ASK_S if self.ended else _ACKNOWLEDGE_S):
@@ -209,8 +210,10 @@ class NumberedLines:
             return b""
         if len(self._held) < _MOST_HELD or number == self.stored.count:
             self._held[number] = line
-            self.again += number in self._asked
+        if number in self._asked:
             self._asked.discard(number)
+            self._came_s = self._heard_s
+            self.again += 1
         return self._in_order() or self._give_up()
 
     def _in_order(self) -> bytes:

@@ -33,6 +33,7 @@ from fbgraph.run.scores import score_entry, score_label
 from fbgraph.run.summary_model import NotedRun, noted_run
 from fbgraph.run.walk_result import ESTIMATORS
 from fbgraph.way_back.legs import Directions, directions_of
+from fbgraph.way_back.shorten import LeftOut, left_out_text, shortened
 
 _MOST_SIGMA = 1e6  # metres, radians: nobody is that lost
 _BREADCRUMBS = "breadcrumbs.csv"
@@ -182,7 +183,11 @@ def knows_north(run: SavedRun, estimator: str) -> bool:
 
 
 def read_directions(
-    run: SavedRun, estimator: str = "smoothed", pace_m: float | None = None, turned_rad: float = 0.0
+    run: SavedRun,
+    estimator: str = "smoothed",
+    pace_m: float | None = None,
+    turned_rad: float = 0.0,
+    shorten: bool = False,
 ) -> Directions:
     """The way of a run in walking order, with the landmarks of its log.
 
@@ -190,17 +195,25 @@ def read_directions(
         run, estimator: whose.
         pace_m: the wearer's step length; the median of the walk if None.
         turned_rad: turns the walk about its start, counter-clockwise.
+        shorten: leave out loops and dead ends that the walk closed itself.
 
     Raises:
         ConfigError: no such estimator, or a pace that is not positive.
         DataError: a damaged configuration, or nothing in the run that leads anywhere.
     """
     summary, trajectory = run.summary, trajectory_of(run, estimator).turned(turned_rad)
-    name = f"{summary['log']['name']} ({estimator})"
-    way = directions_of(
-        trajectory, read_events(summary), pace_m, run.read_config().graph, name, knows_north(run, estimator)
-    )
-    return replace(way, integrity=Integrity.from_dict(summary.get("integrity")))
+    name, graph = f"{summary['log']['name']} ({estimator})", run.read_config().graph
+    events = read_events(summary)
+    left_out: tuple[LeftOut, ...] = ()
+    if shorten:
+        whole, (trajectory, left_out) = trajectory, shortened(trajectory, graph)
+        gone = [(whole.t_s[one.first], whole.t_s[one.last]) for one in left_out]
+        events = [event for event in events if not any(begin < event[0] < end for begin, end in gone)]
+        if left_out and len(trajectory) < 3:
+            told = " ".join(left_out_text(left_out))
+            raise DataError(f"{name}: nothing is left to walk: it ended where it began. {told}")
+    way = directions_of(trajectory, events, pace_m, graph, name, knows_north(run, estimator))
+    return replace(way, integrity=Integrity.from_dict(summary.get("integrity")), left_out=left_out)
 
 
 def read_summary(run: Path) -> dict[str, Any]:

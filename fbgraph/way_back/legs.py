@@ -18,6 +18,7 @@ from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.geometry import FloatArray, wrap_scalar
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Integrity, caution
+from fbgraph.way_back.shorten import LeftOut
 from fbgraph.way_back.turns import find_turns, leg_yaws
 
 _STEEP = 0.1  # a step that rises or falls by more of its length was shortened by the slope
@@ -105,6 +106,7 @@ class Directions:
         compass: whether its directions are those of a compass; else only its turns are known.
         back: whether the walk is walked back, from its end to its start.
         integrity: how far the walk may be believed.
+        left_out: loops and dead ends of the walk that are no part of it.
     """
 
     name: str
@@ -114,6 +116,7 @@ class Directions:
     compass: bool = True
     back: bool = False
     integrity: Integrity = field(default_factory=Integrity)
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def caution(self) -> tuple[str, ...]:

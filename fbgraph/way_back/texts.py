@@ -11,6 +11,7 @@ from typing import Any, Literal
 from fbgraph.core.geometry import heading_deg
 from fbgraph.core.safe_text import for_csv, for_json, for_terminal, short_name
 from fbgraph.way_back.legs import Climb, Directions, Leg, surely_climbs
+from fbgraph.way_back.shorten import left_out_text
 
 Units = Literal["metric", "steps"]
 
@@ -118,6 +119,7 @@ def as_text(way: Directions, units: Units = "metric") -> str:
     ]
     if way.caution:
         lines = [*(for_terminal(text) for text in way.caution), "", *lines]
+    lines += left_out_text(way.left_out)
     apart_m = math.dist(way.points_m[0][:2], way.points_m[-1][:2])
     higher_m = way.points_m[-1][2] - way.points_m[0][2]
     level = not surely_climbs(higher_m, math.hypot(*(leg.sigma_rise_m or 0.0 for leg in way.legs)))
@@ -149,6 +151,16 @@ def as_json(way: Directions, units: Units = "metric") -> str:
                 "sigma_m": _rounded(way.sigma_m),
                 "start_m": [_rounded(value) for value in way.legs[0].points_m[0]],
                 "legs": leg_rows(way, units),
+                "left_out": [
+                    {
+                        "after_m": round(one.after_m, 3),
+                        "length_m": round(one.length_m, 3),
+                        "apart_m": round(one.apart_m, 3),
+                        "sigma_m": _rounded(one.sigma_m),
+                        "sure": _rounded(one.sure),
+                    }
+                    for one in way.left_out
+                ],
                 "arrival": arrival,
                 "integrity": way.integrity.as_dict(),
             },

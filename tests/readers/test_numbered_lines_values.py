@@ -118,3 +118,16 @@ def test_memory_is_bounded_however_far_ahead_a_number_is() -> None:
     found = opened(lines.requests(0.0)[0])
     assert found is not None
     assert asked(found[1])[1] == [(1, 400)]
+
+
+def test_lines_that_are_on_their_way_are_not_asked_for_again() -> None:
+    """A host that is slow would else drown in what it asked for."""
+    lines, asks = NumberedLines(), 0
+    lines.push(frame(0) + frame(200), 0.0)
+    for i in range(1, 150):
+        now_s = 0.1 * i
+        asks += any(request[:1] == b"?" for request in lines.requests(now_s))
+        lines.push(frame(i), now_s)
+    assert asks == 1
+    assert not any(request[:1] == b"?" for request in lines.requests(15.5))
+    assert any(request[:1] == b"?" for request in lines.requests(16.5))

@@ -23,6 +23,7 @@ from fbgraph.core.sensor_log import Event
 from fbgraph.simulator.simulate import simulate
 
 SPEED = 15.0
+HEAP = "256k"  # the stick has half of it, and words that are half as long
 TURNED_S, LOST = 33.0, 0.05
 SILENT, UNPLUGGED = range(600, 2600), range(3600, 5600)
 """Lines during which the link is down: twenty seconds of the device's clock, each."""
@@ -118,7 +119,7 @@ def test_a_walk_out_and_back_over_a_bad_cable(tmp_path: Path) -> None:
     over_s = BEFORE_S + log.span_s[1]
     presses = {2.8: "click", BEFORE_S - 0.6: "click", BEFORE_S + TURNED_S: "click", over_s + 0.5: "hold"}
     buttons = ",".join(f"{at_s}:{what}" for at_s, what in presses.items())
-    interpreter = [found] if (found := micropython()) else [sys.executable, "-u"]
+    interpreter = [found, "-X", f"heapsize={HEAP}"] if (found := micropython()) else [sys.executable, "-u"]
     command = [*interpreter, recorder_device.__file__, str(frames), str(flash), str(SPEED), buttons]
     typed = ["--source", f"serial:{port}", "--out", str(run), "--return-at", "event:button", "--tell", "serial"]
     pipe = subprocess.PIPE
@@ -126,7 +127,8 @@ def test_a_walk_out_and_back_over_a_bad_cable(tmp_path: Path) -> None:
     host = [sys.executable, "-m", "fbgraph", "online", *typed, "--no-recording", "--follow"]
     with subprocess.Popen(host, stdout=pipe, stderr=pipe) as online:
         assert online.stderr is not None
-        assert b"waiting for the first line" in online.stderr.readline()
+        first = online.stderr.readline()
+        assert b"waiting for the first line" in first, first + online.stderr.read()
         with subprocess.Popen(command, bufsize=0, stdin=pipe, stdout=pipe) as device:
             cable.device = device
             said = read_while(online, cable)

@@ -11,6 +11,11 @@ import struct
 import sys
 import time
 
+try:  # noqa: SIM105  nor contextlib
+    from typing import BinaryIO
+except ImportError:  # MicroPython has no such module, and does not look at annotations
+    pass
+
 if __name__ == "__main__":
     sys.path.insert(0, __file__.rsplit("/", 3)[0] + "/scripts/recorder")
 
@@ -39,15 +44,15 @@ class Chip:
 
 
 class Frames:
-    """What the sensors measure, every 10 ms of the device's clock; the last for ever."""
+    """What the sensors measure, every 10 ms of the device's clock; the last for ever. In a file: memory is short."""
 
-    def __init__(self, data: bytes) -> None:
-        self.data = data
-        self.count = len(data) // RECORD
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._last = file.seek(0, 2) // RECORD - 1
 
     def at(self, t_us: int) -> bytes:
-        i = min(t_us // 10_000, self.count - 1)
-        return self.data[i * RECORD : (i + 1) * RECORD]
+        self._file.seek(min(t_us // 10_000, self._last) * RECORD)
+        return self._file.read(RECORD)
 
 
 class SimulatedMpu(Chip):
@@ -60,7 +65,7 @@ class SimulatedMpu(Chip):
         self.registers[0x75] = 0x19
         self._device = device
         self._first = self._read = 0
-        self.given: list[int] = []  # frames that were read
+        self.given = 0  # frames that were read
 
     def _waiting(self) -> int:
         runs = self.registers[0x6A] & 0x40 and all(self.registers[at] == value for at, value in self.SET)
@@ -80,7 +85,7 @@ class SimulatedMpu(Chip):
             data = b""
             while len(data) < count:
                 self._read += 1
-                self.given.append(self._read)
+                self.given += 1
                 data += self._device.frames.at(self._read * 10_000)[:14]
             return data
         return super().read(register, count)
@@ -208,8 +213,7 @@ class Pipe(Link):
 def main(frames: str, folder: str, speed: float, buttons: str) -> None:
     """Record until all is stored by the host and it has said the last word; leave the screen in a file."""
     pressed = [(float(one.split(":")[0]), one.split(":")[1]) for one in buttons.split(",")]
-    with open(frames, "rb") as file:
-        device = Device(Frames(file.read()), folder, pressed)
+    device = Device(Frames(open(frames, "rb")), folder, pressed)  # noqa: SIM115  until the end
     link = Pipe()
     recorder = Recorder(device, link)
     began, over_us = time.time(), 0

@@ -1,5 +1,6 @@
 """A walk as the chips of the recorder's device measure it: what their registers show every 10 ms."""
 
+import io
 import struct
 
 import numpy as np
@@ -51,7 +52,7 @@ def _counts(
 
 def _pressure_counts(pressure_hpa: FloatArray) -> FloatArray:
     """What a QMP6988 must read to say so: its own polynomial, turned round."""
-    chip = Qmp6988(Device(Frames(bytes(RECORD)), "", []).hat, 0x70)
+    chip = Qmp6988(Device(Frames(io.BytesIO(bytes(RECORD))), "", []).hat, 0x70)
     counts = np.linspace(-4e6, 4e6, 4001)
     known = [chip.compensated_hpa(int(p), _RAW_T - 8388608) for p in counts]
     assert (np.diff(known) > 0).all()
