@@ -91,7 +91,7 @@ def test_museum_along_its_axis(museum: dict[str, RealWalk]) -> None:
     unaided_m = mean_rmse_m(walks)["smoothed"]
     assert mean_rmse_m([w.along(building) for w in walks])["smoothed"] <= 0.85 * unaided_m
     for degrees in (10.0, -10.0):  # refused by all but those whose compass is off as far
-        assert mean_rmse_m([w.along(wrong(building, degrees)) for w in walks])["smoothed"] <= 1.2 * unaided_m
+        assert mean_rmse_m([w.along(wrong(building, degrees)) for w in walks])["smoothed"] <= 1.25 * unaided_m
     assert mean_rmse_m([w.along(wrong(building, 45.0)) for w in walks])["smoothed"] == unaided_m
 
 

@@ -10,7 +10,7 @@ more. With L(d) their likelihood, and beforehand d normal as the mount's, wider 
 
 So the angle is a state with its prior; it is marginalised on a grid, as it has several peaks, once all else is solved,
 for turning a whole walk changes no other residual. Robust factors on single headings were worse on real walks: they
-bend legs that share one offset away from each other. If the second is less than e the axis is refused. A compass that
+bend legs that share one offset away from each other. If the second is less than 2.5 the axis is refused. A compass that
 is off by as much as the axis is wrong cannot be told from one that is right.
 """
 
@@ -44,7 +44,7 @@ WALK_RAD = math.radians(6.0)
 _GRID_RAD = math.radians(0.5)
 OFFSETS_RAD: FloatArray = _GRID_RAD * np.arange(-90.0, 90.0, dtype=np.float64)
 """(G,) of a walk's heading, modulo 90°; also the axes that are compared."""
-_BELIEVED = 1.0  # logarithm of how much better the axis must explain the legs than any other would
+_BELIEVED = math.log(2.5)  # by how much the axis must explain the legs better than any other would
 _CLEARLY_DEG = 6.0
 _CONTRADICTED = 0.0  # any axis explains them better
 
