@@ -9,7 +9,7 @@ import numpy as np
 from fbgraph.core.geometry import IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
 
-_LONG_NS, _PIECES, _PIECE_NS = 600_000_000_000, 30, 10_000_000_000
+_LONG_NS, _PIECES, _PIECE_NS = 600_000_000_000, 16, 10_000_000_000
 _APART_NS = 2_000_000_000  # a hole, over which nothing is taken to go on
 
 

@@ -110,6 +110,8 @@ def cut(gyro: Stream, vector: Stream, window_s: float) -> Windows:
 
 def _without_silences(gyro: Stream, vector: Stream, stride_s: float) -> tuple[Stream, Stream]:
     """Both without most of the time in which neither measures, by whole strides: windows stay what they were."""
+    if not any((np.diff(one.t_s) > _SILENCE_S).any() for one in (gyro, vector)):
+        return gyro, vector
     t_s = np.union1d(gyro.t_s, vector.t_s)
     left_out = np.maximum(np.floor((np.diff(t_s) - _SILENCE_S) / stride_s), 0.0) * stride_s
     if not left_out.any():
@@ -206,18 +208,19 @@ def _solve(moved: FloatArray, design: FloatArray, prior: float, floor: float) ->
         moved: (H, W, 3).
         design: (H, W, 3, 3), or (1, W, 3, 3) of all hypotheses.
     """
-    flat = design.reshape(len(design), -1, 3)
     squares = np.einsum("hwki,hwkj->hwij", design, design).reshape(*design.shape[:2], 9)
     rights = np.einsum("hwki,hwk->hwi", np.broadcast_to(design, (*moved.shape, 3)), moved)
+    moved = np.ascontiguousarray(moved.swapaxes(1, 2))  # many windows lie side by side
+    design = np.ascontiguousarray(design.swapaxes(1, 2))
     free = np.zeros((len(moved), 3))
-    size = np.linalg.norm(moved, axis=-1)
+    size = np.linalg.norm(moved, axis=1)
     for _ in range(_ROUNDS):
         spread = np.maximum(np.median(size, axis=1), floor)[:, None]
         weight = (1.0 / (spread**2 + size**2))[:, None]
         normal, right = (weight @ squares).reshape(-1, 3, 3) + np.eye(3) / prior**2, weight @ rights
         solved = np.linalg.solve(normal, right.swapaxes(1, 2))
         free = solved[..., 0]
-        size = np.linalg.norm(moved - (flat @ solved).reshape(moved.shape), axis=-1)
+        size = np.linalg.norm(moved - (design @ solved[:, None])[..., 0], axis=1)
     return Residuals(size, free)
 
 

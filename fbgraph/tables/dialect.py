@@ -227,12 +227,13 @@ def _with(lines: list[str], start: int, judged: list[str], writing: Writing) -> 
     width, usual = _width(data)
     if not 2 <= width <= MOST_COLUMNS:
         return None
-    fields = [split(line, separator, monitor) for line in lines[start:]]
-    first = _first_row(fields, lines[start:], decimal, usual)
+    first = _first_row(lines[start:], writing, usual)
+    above = [split(line, separator, monitor) for line in lines[start : start + first]]
     comments = [bool(_COMMENT.match(line)) for line in lines[start : start + first]]
-    header = find_header([row[monitor:] for row in fields[:first]], comments, width - monitor, data)
+    header = find_header([row[monitor:] for row in above], comments, width - monitor, data)
     if not header.names:
-        header = _late_header([row[monitor:] for row in fields[first:]], width - monitor, data)
+        later = [split(line, separator, monitor)[monitor:] for line in lines[start + first :]]
+        header = _late_header(later, width - monitor, data)
     width = max(width, min(len(header.names) + monitor, MOST_COLUMNS))
     columns = [[row[i] for row in data if i < len(row)] for i in range(width)]
     remarks = [uncommented(line) for i, line in enumerate(lines[start : start + first]) if i not in header.lines]
@@ -272,6 +273,8 @@ def _score(rows: list[list[str]], decimal: str) -> float:
     """How much rows look like a table's: consistent widths times the share of fields that are numbers or times."""
     widths = Counter(len(row) for row in rows)
     pattern = sum(count * (width - 1) / width for width, count in widths.items() if width) / max(len(widths), 1)
+    if not pattern:
+        return 0.0
     fields = [field for row in rows for field in row]
     typed = sum(number(field, decimal) is not None or is_empty(field) or is_time(field) for field in fields)
     return pattern * (typed / max(len(fields), 1) + 1e-3)
@@ -292,12 +295,16 @@ def _width(data: list[list[str]]) -> tuple[int, set[int]]:
     return max(usual, default=max(full, default=0)), usual | {width + 1 for width in usual}
 
 
-def _first_row(fields: list[list[str]], lines: Sequence[str], decimal: str, usual: set[int]) -> int:
+def _first_row(lines: Sequence[str], writing: Writing, usual: set[int]) -> int:
     """Where the rows begin; behind all of them if none is one of data."""
     above: list[str] = []
-    for i, row in enumerate(fields):
-        named = len(row) == len(above) >= 3 and not _is_data(above, decimal)
-        if (len(row) in usual or named) and _is_data(row, decimal) and not _COMMENT.match(lines[i]):
+    usual_line = 0
+    for i, line in enumerate(lines):
+        row = split(line, writing.separator, writing.monitor)
+        named = len(row) == len(above) >= 3 and not _is_data(above, writing.decimal)
+        if (len(row) in usual or named) and _is_data(row, writing.decimal) and not _COMMENT.match(line):
             return i
         above = row if any(row) else above
-    return next((i + 1 for i, row in enumerate(fields) if len(row) in usual and not _COMMENT.match(lines[i])), 0)
+        if not usual_line and len(row) in usual and not _COMMENT.match(line):
+            usual_line = i + 1
+    return usual_line

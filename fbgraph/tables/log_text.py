@@ -39,6 +39,11 @@ class LogText:
     encoding: str = "UTF-8"
     binary: bool = False
 
+    @property
+    def size(self) -> int:
+        """Its bytes."""
+        return sum(map(len, self.pieces))
+
     @cached_property
     def lines_at_most(self) -> int:
         """How many lines it has, or one too many: known sooner than how many of them are empty."""
@@ -64,7 +69,8 @@ class LogText:
         """Its first so many characters."""
         text, at = "", 0
         while len(text) < chars and at < len(self.pieces):
-            text += self.pieces[at].decode("utf-8")[: chars - len(text)]
+            wanted = chars - len(text)
+            text += self.pieces[at][: 4 * wanted].decode("utf-8", "ignore")[:wanted]  # four bytes a character at most
             at += 1
         return text
 

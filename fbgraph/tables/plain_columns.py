@@ -12,16 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fbgraph.tables.fields import NO_VALUE, is_empty
+from fbgraph.tables.fields import is_empty
 
-_EMPTY = [*NO_VALUE, " "]
-_ODD = (b"0x", b"0X", b"n(", b"N(", b"\n+")  # to Arrow 0x1F is a whole number, nan(1) a number, +5 no whole one
+_EMPTY = ["", " ", "-", "nan", "NaN", "null", "None", "N/A"]  # the usual ones of NO_VALUE: each costs a little a field
+_HEX = (b"0x", b"0X")  # to Arrow a whole number
 
 
 def plain_columns(
     pieces: Sequence[bytes], separator: str, decimal: str, kinds: Sequence[str]
 ) -> list[NDArray[Any]] | None:
     """The columns of some rows: int64 or float64 (nan where empty), else text (None where empty).
+
+    Whole numbers with a plus sign are float64, ``nan(…)`` is a hole.
 
     Args:
         pieces: of whole lines, without quotes and comments; the last may lack its end.
@@ -36,8 +38,7 @@ def plain_columns(
     import pyarrow as pa  # here, because it takes its time to import
     from pyarrow import csv
 
-    odd = (*_ODD, separator.encode() + b"+")
-    if any(mark[1:] in piece and mark in piece for piece in pieces for mark in odd):  # one byte is found fast
+    if any(map(_may_hold_hex, pieces)):
         return None
     names = [str(i) for i in range(len(kinds))]
     try:
@@ -62,6 +63,12 @@ def plain_columns(
         if column.type not in numbers and (kind == "number" or column.type != pa.string()):
             return None
     return [_text(column.to_pylist()) if column.type == pa.string() else _numbers(column) for column in table.columns]
+
+
+def _may_hold_hex(piece: bytes) -> bool:
+    if not piece or np.frombuffer(piece, dtype=np.uint8).max() < ord("X"):  # nothing but numbers, as a rule
+        return False
+    return any(mark[1:] in piece and mark in piece for mark in _HEX)  # one byte is found fast
 
 
 def _numbers(column: Any) -> NDArray[Any]:

@@ -49,13 +49,13 @@ def read_table(text: LogText, name: str, source: str) -> Table | None:
         raise DataError(f"{source}: a line of {widest} columns, of which a log has {MOST_COLUMNS} at most")
     if dialect is None:
         return None
-    text.require_rows(MOST_ROWS)
-    if text.lines_at_most * dialect.width > MOST_FIELDS < text.rows * dialect.width and not text.any_rows:
-        raise DataError(
-            f"{source}: {text.rows} rows of {dialect.width} columns, the limit is {MOST_FIELDS} fields; "
-            "if it is a walk, --max-size SIZE allows more"
-        )
-    parts = [_Part(pieces, dialect) for pieces in _chunks(text, dialect.first_row)]
+    if text.size > min(MOST_FIELDS, MOST_ROWS * dialect.width):  # a field takes a byte at least
+        _require_bounds(text, dialect, source)
+    parts = []
+    for pieces in _chunks(text, dialect.first_row):
+        parts.append(_Part(pieces, dialect))
+        if parts[-1].rows is not None:  # not all are whole
+            _require_bounds(text, dialect, source)
     if not any(len(part) for part in parts):
         return None
     numbers = [_is_of_numbers(parts, i, dialect.kinds[i]) for i in range(dialect.width)]
@@ -75,6 +75,16 @@ def read_table(text: LogText, name: str, source: str) -> Table | None:
         tuple(remarks[:MOST_REMARKS]),
         {reason: count for reason, count in counts.items() if count},
     )
+
+
+def _require_bounds(text: LogText, dialect: Dialect, source: str) -> None:
+    """Refuse more rows or fields than any walk has."""
+    text.require_rows(MOST_ROWS)
+    if text.lines_at_most * dialect.width > MOST_FIELDS < text.rows * dialect.width and not text.any_rows:
+        raise DataError(
+            f"{source}: {text.rows} rows of {dialect.width} columns, the limit is {MOST_FIELDS} fields; "
+            "if it is a walk, --max-size SIZE allows more"
+        )
 
 
 def _chunks(text: LogText, skip: int) -> Iterator[list[bytes]]:
