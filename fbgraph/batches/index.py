@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from array import array
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 INDEX = "index.parquet"
 INDEX_CSV = "index.csv"
+_PART = 10_000  # rows that are objects of Python at a time
 
 
 class Rows:
@@ -48,12 +50,15 @@ def index_frame(rows: Rows) -> pd.DataFrame:
     """The index: ``COLUMNS``, a row a log; text in it is shown, whatever was in the log or its name."""
     import pandas as pd
 
-    cells: dict[str, list[Any]] = {name: [] for name in COLUMNS}
-    for row in rows:
-        for name, kind in COLUMNS.items():
-            value = row.get(name)
-            cells[name].append(visible(value or "") if kind == "string" else value)
-    return pd.DataFrame(cells, columns=list(COLUMNS)).astype(COLUMNS)
+    parts, coming = [], iter(rows)
+    while some := list(islice(coming, _PART)):
+        cells = {name: [_cell(row.get(name), kind) for row in some] for name, kind in COLUMNS.items()}
+        parts.append(pd.DataFrame(cells).astype(COLUMNS))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _cell(value: Any, kind: str) -> Any:
+    return visible(value or "") if kind == "string" else value
 
 
 def write_index(frame: pd.DataFrame, out: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -10,7 +9,7 @@ RUNS = "runs"
 """Folder of the run folders of a batch."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class LogEntry:
     """One log.
 
@@ -65,7 +64,7 @@ class BatchOptions:
         return next((one.name for one in fields(self) if mine[one.name] != noted.get(one.name)), "")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class BatchTask:
     """A log to be smoothed.
 
@@ -80,8 +79,3 @@ class BatchTask:
     options: BatchOptions
     out: str
     resume: bool = False
-
-
-def tasks_of(entries: Sequence[LogEntry], options: BatchOptions, out: str, resume: bool) -> list[BatchTask]:
-    """A task for each log."""
-    return [BatchTask(entry, options, out, resume) for entry in entries]

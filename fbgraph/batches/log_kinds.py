@@ -105,7 +105,7 @@ def logs_in_folder(folder: Path) -> Iterator[Path]:
         raise DataError(f"{folder}: {error.strerror or error}; check the path") from error
     files = {one.name: one for one in inside if one.is_file() and may_be_log(one.name)}  # a pipe would be waited for
     recording = is_recording(list(files), lambda name: head_of(files[name]))
-    if SUMMARY in files:  # a run, whose log is elsewhere
+    if SUMMARY in files or {"manifest.csv", "options.json"} <= set(files):  # a run or batch, whose logs are elsewhere
         return
     if recording:
         yield folder

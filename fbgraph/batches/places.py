@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -10,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from fbgraph.core.bounded import BLOCK_BYTES, Allowance
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.whole_writes import locked, whole_file
 
@@ -69,11 +69,16 @@ def version_of(place: str) -> str:
         return ""
 
 
-def fetched(place: str, folder: Path) -> Path:
+def fetched(place: str, folder: Path, max_size: int | None = None) -> Path:
     """A file or folder where it can be read: what is on another system is copied to a folder.
 
+    Args:
+        place: of the file or folder.
+        folder: to copy to.
+        max_size: bytes of a file that are copied at most; as much as a log may have if None.
+
     Raises:
-        DataError: no such file, or an archive that does not give it.
+        DataError: no such file, one too large, or an archive that does not give it.
         ConfigError: as ``file_system``.
     """
     if not is_address(place):
@@ -84,8 +89,11 @@ def fetched(place: str, folder: Path) -> Path:
         if system.isdir(path):
             system.get(path.rstrip("/") + "/", f"{here}/", recursive=True)
         else:
+            allowed, size = Allowance.of(max_size), 0
             with system.open(path, "rb") as source, open(here, "wb") as out:
-                shutil.copyfileobj(source, out)
+                while block := source.read(BLOCK_BYTES):
+                    allowed.refuse(place, size := size + len(block), None)
+                    out.write(block)
     except FileNotFoundError as error:
         raise DataError(f"{place}: no such file") from error
     except (RuntimeError, NotImplementedError) as error:  # what a zip says of an encrypted file

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from fbgraph import __version__
 from fbgraph.batches.index import INDEX, INDEX_CSV, Rows, index_frame, write_index
 from fbgraph.batches.index_row import DONE, failed_row
-from fbgraph.batches.log_entry import RUNS, BatchOptions, LogEntry, tasks_of
+from fbgraph.batches.log_entry import RUNS, BatchOptions, BatchTask, LogEntry
 from fbgraph.batches.manifest import manifest_text, read_manifest
 from fbgraph.batches.places import fetched, held, is_address, joined, names_at, settled, written_file
 from fbgraph.batches.smooth_one import smooth_one
@@ -149,7 +149,7 @@ def run_batch(
         rows, so_far = Rows(len(entries)), Progress(len(entries))
         progress(so_far)
         with _without_leftovers(out):
-            tasks = tasks_of(entries, options, out, how.resume)
+            tasks = (BatchTask(entry, options, out, how.resume) for entry in entries)
             for outcome in run_tasks(
                 smooth_one,
                 tasks,

@@ -91,7 +91,7 @@ def _inputs(task: BatchTask, scratch: Path) -> tuple[RunInputs, RunInputs, str |
     for name, place in places.items():
         (folder := scratch / name).mkdir()
         away = place is not None and (name != "config" or is_address(place))
-        here[name] = fetched(place, folder) if place is not None and away else None
+        here[name] = fetched(place, folder, options.max_size) if place is not None and away else None
     local = RunInputs.of(
         here["log"],
         options.format,

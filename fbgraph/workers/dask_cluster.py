@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from threading import Lock
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, Any, Generic
 
 from fbgraph import __version__
 from fbgraph.core.errors import ConfigError
+from fbgraph.workers.limits import share_of_memory
 from fbgraph.workers.outcome import Item, Outcome, Value, died
 from fbgraph.workers.processes import LocalPool
 
@@ -17,7 +19,8 @@ if TYPE_CHECKING:
     from distributed import Client
 
 _ANSWER_S = 30.0
-_POOLS: dict[tuple[object, ...], LocalPool[object, object]] = {}
+_POOLS: dict[bytes, tuple[LocalPool[Any, Any], list[Future[Outcome[Any]]]]] = {}
+"""Of this Dask worker, each with what it is at."""
 _STARTING = Lock()
 
 
@@ -103,13 +106,24 @@ def _on_worker(
     """In a thread of a Dask worker: hand an item to a process beside it, which can be stopped."""
     from distributed import get_worker
 
-    key = (function, timeout_s, memory_bytes)
+    threads = int(get_worker().state.nthreads)
+    if memory_bytes is None:
+        limit = get_worker().memory_manager.memory_limit  # what `dask worker` says, or finds
+        memory_bytes = int(limit / threads) if limit else share_of_memory(threads)
+    key = pickle.dumps((function, timeout_s, memory_bytes))  # a partial equals itself alone
     with _STARTING:
         if key not in _POOLS:
-            _POOLS[key] = LocalPool(function, get_worker().state.nthreads, timeout_s, memory_bytes)  # type: ignore[arg-type]
-        pool: LocalPool[Item, Value] = _POOLS[key]  # type: ignore[assignment]
+            for other in [other for other, (_, busy) in _POOLS.items() if not busy]:  # of batches that are over
+                _POOLS.pop(other)[0].stop()
+            _POOLS[key] = LocalPool(function, threads, timeout_s, memory_bytes), []
+        pool, busy = _POOLS[key]
         future = pool.submit(item)
+        busy.append(future)
     while (outcome := pool.settled(future)) is None:
         with _STARTING:
+            busy.remove(future)
             future = pool.submit(item)
+            busy.append(future)
+    with _STARTING:
+        busy.remove(future)
     return outcome

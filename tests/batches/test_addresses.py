@@ -96,6 +96,9 @@ def test_logs_in_a_zip(walk: Path, tmp_path: Path) -> None:
 def test_places_that_are_not_there(memory: fsspec.AbstractFileSystem, tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"memory://nowhere/walk\.csv: no such file"):
         fetched("memory://nowhere/walk.csv", tmp_path)
+    memory.pipe("/large/walk.csv", b"0" * 5000)
+    with pytest.raises(DataError, match=r"memory://large/walk\.csv: 4\.883 KiB or more, the limit is 2 KiB"):
+        fetched("memory://large/walk.csv", tmp_path, 2048)
     with pytest.raises(ConfigError, match="nosuch://a: "):
         fetched("nosuch://a", tmp_path)
     assert version_of("memory://nowhere/walk.csv") == ""

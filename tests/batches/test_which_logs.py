@@ -55,6 +55,7 @@ def test_a_folder_with_a_file_a_sensor_is_one_log(tmp_path: Path) -> None:
 
 def test_a_run_in_the_folder_is_no_log(tmp_path: Path) -> None:
     write(tmp_path, "walk.csv", "run/breadcrumbs.csv", "run/raw.csv", "run/summary.json")
+    write(tmp_path, "batch/manifest.csv", "batch/index.csv", "batch/options.json", "batch/runs/walk/raw.csv")
     assert below(tmp_path, tmp_path) == ["walk.csv"]
 
 
