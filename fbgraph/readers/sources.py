@@ -18,8 +18,10 @@ from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.tables.dialect import SEPARATORS, split
 from fbgraph.tables.fields import number
 
+_AT_ONCE = 1000  # datagrams
 _POLL_S = 0.2  # how soon a source notices that it should stop
 _CHUNK = 65536
+_BUFFER = 1 << 22  # bytes of datagrams that wait; the system may allow less
 _BAUD = 115200
 _ROW_FIELDS = 6  # of a line with accelerometer and gyroscope
 _LOOKED_AT = 20  # lines of a datagram, in search of one
@@ -233,19 +235,22 @@ def _holds_row(data: bytes) -> bool:
 
 def _udp(host: str, port: int, source: Source, stop: Stop, tell: Tell) -> Iterator[bytes]:
     receiver = _bound(socket.SOCK_DGRAM, host, port)
+    receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
 
     def datagrams() -> Iterator[bytes]:
         sender = OneSender(tell)
         with receiver:
             while not stop():
-                data = b""
-                if select.select([receiver], [], [], _POLL_S)[0]:
+                parts: list[bytes] = []
+                wait_s = _POLL_S
+                while len(parts) < _AT_ONCE and select.select([receiver], [], [], wait_s)[0]:
                     data, address = receiver.recvfrom(_CHUNK)
-                    if not sender.is_device(address[:2], data, time.monotonic()):
-                        continue
-                    source.back = partial(_send_datagram, receiver, address)
-                    data = data if data.endswith((b"\n", b"\r")) else data + b"\n"  # a datagram holds whole lines
-                yield data
+                    if sender.is_device(address[:2], data, time.monotonic()):
+                        source.back = partial(_send_datagram, receiver, address)
+                        # a datagram holds whole lines
+                        parts.append(data if data.endswith((b"\n", b"\r")) else data + b"\n")
+                    wait_s = 0.0  # what else is there already: the system keeps a few hundred, no more
+                yield b"".join(parts)
         sender.ended()
 
     return datagrams()
