@@ -46,7 +46,8 @@ def unwrapped(values: NDArray[Any], spans: Sequence[float]) -> tuple[FloatArray 
         return values, 0.0
     steps = np.diff(ticks)
     shortest, longest = steps.min(), steps.max()
-    if max(longest, -shortest) <= max(_NEAR_STEPS * shortest, 0.4 * min(spans)):  # nothing to look at one by one
+    most = max(_NEAR_STEPS * float(shortest), 0.4 * min(spans))
+    if longest <= most and shortest >= -most:  # nothing to look at one by one
         return values, 0.0
     usual = step_of(ticks)
     large = np.flatnonzero(np.abs(steps) > max(_NEAR_STEPS * usual, 0.4 * min(spans)))
@@ -112,7 +113,7 @@ def damage(values: NDArray[Any]) -> str:
 
     ``1730000000018`` shown as ``1.73E+12`` and saved so has lost its digits.
     """
-    if len(values) < 3 or max(values.max(), -values.min()) < 1e8:
+    if len(values) < 3 or (values.min() > -1e8 and values.max() < 1e8):
         return ""
     ticks = np.abs(values.astype(float))
     if np.median(ticks) < 1e8 or not _are_short(runs_of(ticks)) or not _are_short(ticks):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fbgraph.columns.tick_counts import distinct, step_of, unwrapped
+from fbgraph.columns.tick_counts import damage, distinct, step_of, unwrapped
 from fbgraph.core.nanoseconds import MAX_T_NS, to_ns
 from fbgraph.core.sampling import ENOUGH, runs_of
 from fbgraph.readers.cleaning import LIMITS, MIN_PRESSURE_HPA, RawLog, RawStream, assemble, saturated
@@ -64,6 +64,13 @@ def test_ticks_of_any_size_become_nanoseconds_exactly() -> None:
     assert to_ns(np.array((0, -most, most)), 1_000_000).tolist() == [0, -most * 1_000_000, most * 1_000_000]
     for beyond in (most + 1, -most - 1):
         assert to_ns(np.array((5, beyond)), 1_000_000).tolist() == [5_000_000, MAX_T_NS + 1]
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_least_whole_number_is_no_warning() -> None:
+    ticks = np.array((5, np.iinfo(np.int64).min, 5, 6, 7))
+    assert damage(ticks) == ""
+    assert unwrapped(ticks, (2.0**16,))[1] == 0.0
 
 
 def test_few_rows_tell_the_step_of_many() -> None:
