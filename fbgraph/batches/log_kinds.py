@@ -20,6 +20,7 @@ NO_LOGS = (
     *(".md", ".toml", ".html", ".rrd", ".parquet", ".py", ".ipynb", ".gpx", ".kml", ".tum"),
 )
 """Endings of files beside logs, in folders of them."""
+_NO_LOG_NAMES = ("license", "licence", "copying", "readme", "notice", "authors")
 _HEAD_BYTES = 20_000
 _MOST_LOOKED_AT = 20
 
@@ -28,7 +29,8 @@ def may_be_log(name: str) -> bool:
     """Whether a file of this name, found in a folder or zip, may be a log."""
     parts = PurePosixPath(name).parts
     hidden = any(part.startswith((".", "__MACOSX")) for part in parts)
-    return not hidden and not name.lower().endswith(NO_LOGS)
+    last = parts[-1].lower() if parts else ""
+    return not hidden and not last.endswith(NO_LOGS) and last.partition(".")[0] not in _NO_LOG_NAMES
 
 
 def is_recording(names: Sequence[str], head: Callable[[str], bytes]) -> bool | None:

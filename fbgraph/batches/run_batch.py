@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fbgraph import __version__
 from fbgraph.batches.index import INDEX, INDEX_CSV, Rows, index_frame, write_index
@@ -19,7 +19,6 @@ from fbgraph.batches.index_row import DONE, failed_row
 from fbgraph.batches.log_entry import RUNS, BatchOptions, BatchTask, LogEntry
 from fbgraph.batches.manifest import manifest_text, read_manifest
 from fbgraph.batches.places import fetched, held, is_address, joined, names_at, settled, written_file
-from fbgraph.batches.smooth_one import smooth_one
 from fbgraph.batches.which_logs import Tell, find_logs, named_entries
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
 MANIFEST = "manifest.csv"
 OPTIONS = "options.json"
 _BATCH_FILES = {RUNS, MANIFEST, OPTIONS, INDEX, INDEX_CSV, "report.html", "compared.html"}
+_PRELOAD = ("fbgraph.batches.smooth_one",)
 TIMEOUT_S = 3600.0
 """Of one log, if nothing else is said: a day's walk takes half of it."""
 
@@ -151,13 +151,14 @@ def run_batch(
         with _without_leftovers(out):
             tasks = (BatchTask(entry, options, out, how.resume) for entry in entries)
             for outcome in run_tasks(
-                smooth_one,
+                _smooth,
                 tasks,
                 how.workers,
                 how.timeout_s,
                 how.scheduler,
                 memory=how.memory,
                 retries=how.retries,
+                preload=_PRELOAD,
             ):
                 row, kept = outcome.value or (failed_row(entries[outcome.number], outcome), False)
                 rows.put(outcome.number, row if kept else {**row, "tries": outcome.tries})
@@ -173,6 +174,12 @@ def run_batch(
         frame = index_frame(rows)
         write_index(frame, out)
     return Batch(out, frame, so_far)
+
+
+def _smooth(task: BatchTask) -> tuple[dict[str, Any], bool]:
+    from fbgraph.batches.smooth_one import smooth_one  # who hands out tasks needs no solver
+
+    return smooth_one(task)
 
 
 def _lasting(options: BatchOptions) -> BatchOptions:

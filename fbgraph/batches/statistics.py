@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
 
 from fbgraph.batches.index_row import DONE, ESTIMATORS, FAILED
 from fbgraph.core.geometry import FloatArray
-from fbgraph.study.comparison import CONFIDENCE, interval_of_mean
 
 if TYPE_CHECKING:
     import pandas as pd
 
+CONFIDENCE = 0.95
 SHARES = (0.5, 0.95)
 """Quantiles that are told."""
 VERDICTS = ("sound", "doubtful", "withheld")
@@ -66,23 +65,29 @@ def known(column: pd.Series) -> FloatArray:
 
 def mean_of(values: FloatArray) -> Estimate:
     """A mean over walks."""
+    from scipy.special import ndtri
+
+    from fbgraph.study.comparison import interval_of_mean  # scipy.stats takes a second to import
+
     if len(values) == 0:
         return Estimate(np.nan, np.nan, np.nan)
     mean = float(values.mean())
     if len(values) <= _MANY:
         return Estimate(mean, *interval_of_mean(values))
-    half = float(stats.norm.ppf(0.5 + CONFIDENCE / 2.0)) * float(values.std(ddof=1)) / float(np.sqrt(len(values)))
+    half = float(ndtri(0.5 + CONFIDENCE / 2.0)) * float(values.std(ddof=1)) / float(np.sqrt(len(values)))
     return Estimate(mean, mean - half, mean + half)
 
 
 def quantile_of(values: FloatArray, share: float) -> Estimate:
     """A quantile over walks, and the order statistics between which the true one lies."""
+    from scipy.special import bdtr
+
     ordered, count = np.sort(values), len(values)
     if count == 0:
         return Estimate(np.nan, np.nan, np.nan)
     tail = (1.0 - CONFIDENCE) / 2.0
-    low = int(stats.binom.ppf(tail, count, share)) - 1
-    high = int(stats.binom.ppf(1.0 - tail, count, share))
+    below = bdtr(np.arange(count + 1.0), count, share)  # how likely at most so many walks are below it
+    low, high = int(np.searchsorted(below, tail)) - 1, int(np.searchsorted(below, 1.0 - tail))
     return Estimate(
         float(np.quantile(ordered, share)),
         float(ordered[low]) if low >= 0 else np.nan,

@@ -132,7 +132,7 @@ def _show_batch(result: Batch, as_json: bool) -> None:
     Raises:
         DataError: some failed; told last.
     """
-    from fbgraph.batches.statistics import coverage_of, errors_of, failures_of, verdict_counts
+    from fbgraph.batches.statistics import SHARES, failures_of, known, quantile_of, verdict_counts
 
     frame, end = result.index, result.progress
     verdicts, failures = verdict_counts(frame), failures_of(frame)
@@ -149,15 +149,15 @@ def _show_batch(result: Batch, as_json: bool) -> None:
         rate = f", {end.rate_hz:.2g} a second" if end.over > end.kept else ""
         say(f"{end.total:,} logs: {end.done:,} done ({told or 'none'}), {end.failed:,} failed{kept}")
         say(f"{duration_text(end.seconds)}{rate}")
-        for errors in errors_of(frame):
-            if errors.estimator == "smoothed":
-                half, most = errors.quantiles
-                say(
-                    f"{errors.walks:,} scored: RMSE median {half.text()} m, 95 % below {most.value:.2f} m, "
-                    f"worst {errors.worst_m:.2f} m"
-                )
-        if (covered := coverage_of(frame)) is not None:
-            say(f"{100.0 * covered[0] / covered[1]:.0f} % of {covered[1]:,} known places in the 95 % ellipses")
+        if len(rmse_m := known(frame["smoothed_rmse_m"])):
+            half, most = (quantile_of(rmse_m, share) for share in SHARES)
+            say(
+                f"{len(rmse_m):,} scored: RMSE median {half.text()} m, 95 % below {most.value:.2f} m, "
+                f"worst {rmse_m.max():.2f} m"
+            )
+        if len(places := known(frame["ellipses"])):
+            share = 100.0 * known(frame["inside_95"]).sum() / places.sum()
+            say(f"{share:.0f} % of {places.sum():,.0f} known places in the 95 % ellipses")
         for one in failures:
             first = "" if one.logs == 1 else "first "
             say(f"failed, {one.cause}: {one.logs:,}; {first}{short_name(one.name)}: {one.reason}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from threading import Lock
@@ -33,14 +33,15 @@ class ClusterPool(Generic[Item, Value]):
         function: Callable[[Item], Value],
         timeout_s: float | None,
         memory_bytes: int | None,
+        preload: Sequence[str] = (),
     ) -> None:
         """Of a cluster's executor; the others as of ``LocalPool``."""
         self._executor, self._function = executor, function
-        self._timeout_s, self._memory_bytes = timeout_s, memory_bytes
+        self._limits, self._preload = (timeout_s, memory_bytes), tuple(preload)
 
     def submit(self, item: Item) -> Future[Outcome[Value]]:
         """Let the next free process call the function on an item."""
-        return self._executor.submit(_on_worker, self._function, item, self._timeout_s, self._memory_bytes)
+        return self._executor.submit(_on_worker, self._function, item, self._limits, self._preload)
 
     def settled(self, future: Future[Outcome[Value]]) -> Outcome[Value] | None:
         """What became of an item."""
@@ -101,12 +102,15 @@ def _version() -> str:
 
 
 def _on_worker(
-    function: Callable[[Item], Value], item: Item, timeout_s: float | None, memory_bytes: int | None
+    function: Callable[[Item], Value],
+    item: Item,
+    limits: tuple[float | None, int | None],
+    preload: tuple[str, ...],
 ) -> Outcome[Value]:
     """In a thread of a Dask worker: hand an item to a process beside it, which can be stopped."""
     from distributed import get_worker
 
-    threads = int(get_worker().state.nthreads)
+    threads, (timeout_s, memory_bytes) = int(get_worker().state.nthreads), limits
     if memory_bytes is None:
         limit = get_worker().memory_manager.memory_limit  # what `dask worker` says, or finds
         memory_bytes = int(limit / threads) if limit else share_of_memory(threads)
@@ -115,7 +119,7 @@ def _on_worker(
         if key not in _POOLS:
             for other in [other for other, (_, busy) in _POOLS.items() if not busy]:  # of batches that are over
                 _POOLS.pop(other)[0].stop()
-            _POOLS[key] = LocalPool(function, threads, timeout_s, memory_bytes), []
+            _POOLS[key] = LocalPool(function, threads, timeout_s, memory_bytes, preload), []
         pool, busy = _POOLS[key]
         future = pool.submit(item)
         busy.append(future)

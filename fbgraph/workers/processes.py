@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from typing import Generic
@@ -24,7 +24,12 @@ class LocalPool(Generic[Item, Value]):
     """So many processes, each with one item at a time. They are forked from one that has imported what they need."""
 
     def __init__(
-        self, function: Callable[[Item], Value], workers: int, timeout_s: float | None, memory_bytes: int | None
+        self,
+        function: Callable[[Item], Value],
+        workers: int,
+        timeout_s: float | None,
+        memory_bytes: int | None,
+        preload: Sequence[str] = (),
     ) -> None:
         """A pool whose processes start with the first item.
 
@@ -33,16 +38,17 @@ class LocalPool(Generic[Item, Value]):
             workers: how many processes.
             timeout_s: after which the process of an item is ended; never if None.
             memory_bytes: that a process may take beyond what it starts with; any if None.
+            preload: modules that processes start with; that of the function if none.
         """
         self._function, self._workers, self._timeout_s = function, workers, timeout_s
-        self._memory_bytes = memory_bytes
+        self._memory_bytes, self._preload = memory_bytes, tuple(preload)
         self._breaks = 0
         self._pool = self._new_pool()
 
     def _new_pool(self) -> ProcessPool:
         context = multiprocessing.get_context("forkserver")
         module = getattr(self._function, "func", self._function).__module__  # of what a partial calls
-        context.set_forkserver_preload([name for name in (module,) if name != "__main__"])
+        context.set_forkserver_preload([name for name in self._preload or (module,) if name != "__main__"])
         if multiprocessing.current_process().daemon:  # as a Dask worker is: ours end with it all the same
             multiprocessing.current_process().daemon = False
         return ProcessPool(self._workers, _MOST_TASKS, limit_worker, (self._memory_bytes,), context)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from typing import Protocol, TypeVar
@@ -36,6 +36,7 @@ def run_tasks(
     *,
     memory: int | None = None,
     retries: int = 0,
+    preload: Sequence[str] = (),
 ) -> Iterator[Outcome[Value]]:
     """Call a function on every item, each in a process that can be stopped; outcomes as they come.
 
@@ -53,6 +54,7 @@ def run_tasks(
         scheduler: address of a Dask scheduler, whose workers are then used, one item a thread of theirs.
         memory: bytes that an item may take; each process an equal share of nine tenths of the machine's if None.
         retries: how often what died or met a failing disk or network is tried again.
+        preload: names of modules that processes start with; that of the function if none.
 
     Yields:
         An ``Outcome`` an item, in the order in which they end; ``number`` says which it is.
@@ -68,19 +70,18 @@ def run_tasks(
         yield from _here(function, items, retries)
     elif scheduler is not None:
         with cluster(scheduler) as (executor, threads):
-            shared: ClusterPool[Item, Value] = ClusterPool(executor, function, timeout, memory)
+            shared: ClusterPool[Item, Value] = ClusterPool(executor, function, timeout, memory, preload)
             yield from _outcomes(shared, items, _WINDOW * threads, retries)
     else:
         count = workers or cores()
-        with _local_pool(function, count, timeout, memory) as pool:
+        share = share_of_memory(count) if memory is None else memory
+        with _stopping(LocalPool(function, count, timeout, share, preload)) as pool:
             yield from _outcomes(pool, items, _WINDOW * count, retries)
 
 
 @contextmanager
-def _local_pool(
-    function: Callable[[Item], Value], workers: int, timeout_s: float | None, memory: int | None
-) -> Iterator[LocalPool[Item, Value]]:
-    pool = LocalPool(function, workers, timeout_s, share_of_memory(workers) if memory is None else memory)
+def _stopping(pool: LocalPool[Item, Value]) -> Iterator[LocalPool[Item, Value]]:
+    """A pool that is stopped when the block ends, in whatever way."""
     try:
         yield pool
     finally:

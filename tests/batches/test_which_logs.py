@@ -30,7 +30,7 @@ def below(folder: Path, *named: object) -> list[str]:
 
 
 def test_a_folder_of_walks_is_many_logs_in_natural_order(tmp_path: Path) -> None:
-    write(tmp_path, "walk10.csv", "walk2.csv", "deep/er/walk1.csv", ".hidden.csv", "notes.md")
+    write(tmp_path, "walk10.csv", "walk2.csv", "deep/er/walk1.csv", ".hidden.csv", "notes.md", "LICENSE", "README.txt")
     (tmp_path / "more.txt.gz").write_bytes(gzip.compress(ALONE.encode()))
     (tmp_path / "broken.csv").touch()
     os.mkfifo(tmp_path / "pipe.csv")  # nobody waits for it here
