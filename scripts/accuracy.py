@@ -6,9 +6,10 @@
 Horizontal RMSE in metres, a row a log: PDR, EKF and the online smoother at each step, told nothing; the smoother told
 nothing (unaided), after the best rigid fit (aligned), told that the walk ends where it began (closed, of walks that
 do), given every third checkpoint (anchored) or the first and the next that is 10 m or more from it (start + place),
-and scored on the others. A truth that is a track in a frame of its own (RIDI's) is fitted over its first 5 s. Then the
-means of each group, with the mean difference to the EKF on the same checkpoints and its 95 % interval (bootstrap over
-logs). `NAME_truth.csv` beside a log, or truth.csv in a folder that is one, is its truth where it carries none.
+and scored on the others; laid along the axis of its building, which all logs of the group tell without truth (axis). A
+truth that is a track in a frame of its own (RIDI's) is fitted over its first 5 s. Then the means of each group, with
+the mean difference to the EKF on the same checkpoints and its 95 % interval (bootstrap over logs). `NAME_truth.csv`
+beside a log, or truth.csv in a folder that is one, is its truth where it carries none.
 
 ``--check`` fails where a mean is more than 3 % worse than ``accuracy_baseline.toml`` has it and that does not say why;
 ``--write-baseline`` writes it, with ``--because TEXT`` where something got worse.
@@ -27,8 +28,9 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from scored_walks import MODES, UNAIDED, FoundLog, ScoredWalk, find_logs, score_log
+from scored_walks import MODES, UNAIDED, FoundLog, ScoredWalk, find_logs, score_log, with_buildings
 
+from fbgraph.core.building_files import read_building
 from fbgraph.core.config import load_config
 from fbgraph.core.safe_text import for_csv
 from fbgraph.core.whole_writes import whole_file
@@ -55,6 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Exit code 1 if a mean got worse, 2 if there is nothing to score or to compare."""
     asked = _parser().parse_args(arguments)
     found = sorted({log.path: log for folder in asked.folders for log in find_logs(folder)}.values(), key=_order)
+    if not asked.no_axis:
+        found = with_buildings(found, None if asked.building is None else read_building(asked.building))
     walks = [walk for walk in scored(found, asked.jobs) if walk is not None]
     if not walks:
         print("no log with truth in these folders", file=sys.stderr)
@@ -78,6 +82,10 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="Score every log with truth in folders.")
     parser.add_argument("folders", type=Path, nargs="+", metavar="FOLDER", help="searched for logs, recursively")
     parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write the table there too")
+    parser.add_argument(
+        "--building", type=Path, metavar="FILE.toml", help="of all logs; learned for each group if absent"
+    )
+    parser.add_argument("--no-axis", action="store_true", help="learn no building and lay no walk along it")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--check", action="store_true", help="fail if a mean is more than 3 %% worse than the baseline")
     parser.add_argument("--baseline", type=Path, default=BASELINE, metavar="FILE.toml")
@@ -244,7 +252,9 @@ def write_baseline(path: Path, now: dict[str, Row], because: str) -> int:
                     print(f"{group}, {mode}: {was_m:.2f} → {now_m:.2f} m: say why with --because", file=sys.stderr)
                     return 1
                 row["accepted"][mode] = {"up_to_m": now_m, "why": why or because.strip()}
-            row["mean_m"] = {m: min(now_m, was["mean_m"].get(m, now_m)) for m, now_m in row["mean_m"].items()}
+            row["mean_m"] = was["mean_m"] | {
+                m: min(now_m, was["mean_m"].get(m, now_m)) for m, now_m in row["mean_m"].items()
+            }
         baseline[group] = row
     with whole_file(path) as partial:
         partial.write_text(tomli_w.dumps(baseline), "utf-8")

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from fbgraph.core.aids import Told
+from fbgraph.core.building import Building
 from fbgraph.core.checkpoints import Checkpoints, checkpoints
 from fbgraph.core.config import Config, load_config
 from fbgraph.core.errors import FbgraphError
 from fbgraph.core.geometry import BoolArray, FloatArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.estimators.online_smoother import OnlineSmoother
+from fbgraph.learning import learn_building
 from fbgraph.pipeline import reconstruct
 from fbgraph.readers import preset_of, read_log
 from fbgraph.readers.cleaning import LogFile
@@ -27,11 +29,13 @@ from fbgraph.run.metrics import Alignment, checkpoint_errors
 from fbgraph.run.walk_result import WalkResult
 
 UNAIDED, ALIGNED, CLOSED, ANCHORED, PLACE = "unaided", "aligned", "closed", "anchored", "start + place"
-MODES = (UNAIDED, ALIGNED, CLOSED, ANCHORED, PLACE)
+AXIS = "axis"
+MODES = (UNAIDED, ALIGNED, CLOSED, ANCHORED, PLACE, AXIS)
 """Told nothing; the same after the best rigid fit; told that it ends where it began; given every third checkpoint, or
-the first and one more, and scored on the others."""
+the first and one more, and scored on the others; laid along the axis of its building."""
 _EVERY = 3
 _PLACE_M = 10.0  # how far the one known place is from the start, at least
+_LEAST_TO_LEARN = 5  # walks, of which a building's axis is learned
 _CLOSED_M = 1.0  # who ends no further from the start has closed the walk
 _DENSE_S = 1.0  # truth told so often is a track
 _FIRST_S = 5.0  # over which a track in a frame of its own is fitted
@@ -73,10 +77,11 @@ class ScoredWalk:
 
 @dataclass(frozen=True)
 class FoundLog:
-    """A log that may carry truth, and the group whose means it enters."""
+    """A log that may carry truth, the group whose means it enters, and what is known of the building."""
 
     path: Path
     group: str
+    building: Building | None = None
 
 
 def find_logs(folder: Path) -> Iterator[FoundLog]:
@@ -96,6 +101,22 @@ def _logs_in(folder: Path) -> Iterator[Path]:
             yield from _logs_in(entry)
         elif entry.suffix.lower() in _SUFFIXES and not _NO_LOGS.search(entry.name):
             yield entry
+
+
+def with_buildings(found: Sequence[FoundLog], building: Building | None = None) -> list[FoundLog]:
+    """The logs with the building that is named; else with what all logs of a group tell of theirs, without truth."""
+    if building is not None:
+        return [replace(one, building=building) for one in found]
+    told: dict[str, Building] = {}
+    for group in dict.fromkeys(one.group for one in found):
+        logs = [one.path for one in found if one.group == group]
+        if len(logs) < _LEAST_TO_LEARN:
+            continue
+        try:
+            told[group] = learn_building(logs).building
+        except FbgraphError as error:
+            print(f"no axis: {group}: {error}", file=sys.stderr)
+    return [replace(one, building=told.get(one.group)) for one in found]
 
 
 def score_log(found: FoundLog) -> ScoredWalk | None:
@@ -164,6 +185,8 @@ class _Scorer:
             modes[ANCHORED] = self._given(count % _EVERY == 0)
         if (far := np.flatnonzero(away_m >= _PLACE_M)).size and len(self.truth) > 2:
             modes[PLACE] = self._given((count == 0) | (count == far[0]))
+        if self.found.building is not None and not self.own_frame:
+            modes[AXIS] = self._free(self._run(Told(self.truth, building=self.found.building)))
         floors = np.unique(self.truth.floor[np.isfinite(self.truth.floor)])
         note = f"fitted over its first {_FIRST_S:g} s" if self.own_frame else ""
         name = self.found.path.name.removesuffix(".gz").removesuffix(".txt").removesuffix(".csv")

@@ -8,8 +8,9 @@ from pathlib import Path
 import accuracy
 import numpy as np
 import pytest
-from scored_walks import ModeScore, ScoredWalk, errors_after_first, find_logs
+from scored_walks import FoundLog, ModeScore, ScoredWalk, errors_after_first, find_logs, with_buildings
 
+from fbgraph.core.building_files import parse_building_axis
 from fbgraph.core.checkpoints import checkpoints
 
 
@@ -63,6 +64,13 @@ def test_logs_are_found_in_folders_and_folders_of_sensor_files_are_logs(tmp_path
     assert [one.group for one in find_logs(tmp_path / "mine")] == ["mine"]
 
 
+def test_logs_get_the_building_that_is_named_and_few_tell_none(tmp_path: Path) -> None:
+    found = [FoundLog(tmp_path / str(k), "lab") for k in range(4)]
+    assert [one.building for one in with_buildings(found)] == [None] * 4
+    named = parse_building_axis("70,2")
+    assert [one.building for one in with_buildings(found, named)] == [named] * 4
+
+
 def test_a_mean_may_be_three_per_cent_worse_and_no_more(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "baseline.toml"
 
@@ -100,6 +108,7 @@ def test_real_logs_are_scored_saved_and_checked(shared_data: Path, tmp_path: Pat
     for mode in ("pdr", "ekf", "online", "unaided", "aligned", "anchored", "start_place"):
         assert float(mean[mode]) == pytest.approx(np.mean([float(row[mode]) for row in rows]), abs=1e-3)
     assert float(mean["aligned"]) < float(mean["unaided"])
+    assert mean["axis"] == ""  # three walks tell no axis
     assert float(mean["unaided_low"]) <= float(mean["less_ekf_unaided"]) <= float(mean["unaided_high"])
     held = tomllib.loads(baseline.read_text("utf-8"))
     better = {mode: 0.9 * value for mode, value in held["logs"]["mean_m"].items()}
