@@ -6,8 +6,9 @@ import os
 import resource
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from multiprocessing import parent_process
 from pathlib import Path
 
@@ -30,11 +31,18 @@ def share_of_memory(workers: int) -> int:
     return max(int(0.9 * whole) // max(workers, 1), LEAST_BYTES)
 
 
-def limit_worker(memory_bytes: int | None) -> None:
-    """In a worker as it begins: end when told, and with the process that started it; take no more than this."""
+def prepare_worker(modules: Sequence[str], memory_bytes: int | None) -> None:
+    """In a worker as it begins: end when told, and with the process that started it; take no more than this.
+
+    Args:
+        modules: imported before the first item, whose time they do not take; most are there, as it was forked.
+        memory_bytes: beyond what it has then; any if None.
+    """
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, whatever a solver is at; whole writes bear it
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    for module in modules:
+        import_module(module)
     if memory_bytes is not None:
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
         most = _reserved_bytes() + memory_bytes

@@ -12,7 +12,7 @@ from typing import Generic
 from pebble import ProcessExpired, ProcessPool
 
 from fbgraph.core.errors import ConfigError
-from fbgraph.workers.limits import limit_worker, one_thread_each
+from fbgraph.workers.limits import one_thread_each, prepare_worker
 from fbgraph.workers.outcome import Item, Outcome, Value, attempt, died, stopped
 
 _MOST_TASKS = 200
@@ -48,10 +48,11 @@ class LocalPool(Generic[Item, Value]):
     def _new_pool(self) -> ProcessPool:
         context = multiprocessing.get_context("forkserver")
         module = getattr(self._function, "func", self._function).__module__  # of what a partial calls
-        context.set_forkserver_preload([name for name in self._preload or (module,) if name != "__main__"])
+        modules = [name for name in self._preload or (module,) if name != "__main__"]
+        context.set_forkserver_preload(modules)  # in vain where one runs already, for other modules
         if multiprocessing.current_process().daemon:  # as a Dask worker is: ours end with it all the same
             multiprocessing.current_process().daemon = False
-        return ProcessPool(self._workers, _MOST_TASKS, limit_worker, (self._memory_bytes,), context)
+        return ProcessPool(self._workers, _MOST_TASKS, prepare_worker, (modules, self._memory_bytes), context)
 
     def submit(self, item: Item) -> Future[Outcome[Value]]:
         """Let the next free process call the function on an item.
