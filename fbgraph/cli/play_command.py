@@ -60,6 +60,7 @@ def play(
     file = read_log(log, format_, None if max_size is None else parse_size(max_size), layout=layout, rate_hz=rate)
     stopping = stop_on_signals()
     link = open_link(to, stopping, complain)
+    complain(f"playing {file.log.span_s[1] / pace:.0f} s to {to}")
     sent = played_to(file.log, link, faults, speed=pace, number=number, stop=stopping, tell=complain)
     what = "samples" if to.startswith("http") else "rows"
     again = f", {sent.again} sent again" if number else ""

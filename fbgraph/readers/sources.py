@@ -106,7 +106,19 @@ def open_source(spec: str, stop: Stop, tell: Tell = lambda text: None) -> Source
     source.where = f"listening on {kind}://{host}:{port}"
     if host in ("127.0.0.1", "::1", "localhost"):
         source.where += f" of this machine; for other devices: --source {kind}://0.0.0.0:{port}"
+    elif (place := _own_address()) and host == "0.0.0.0":
+        source.where += f"; for other devices {kind}://{place}:{port}"
     return source
+
+
+def _own_address() -> str:
+    """The address of this machine as its network sees it; nothing is sent to find it. Empty without a network."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # an address that is nobody's (RFC 5737)
+        except OSError:
+            return ""
+        return str(probe.getsockname()[0])
 
 
 def serial_port(spec: str, option: str) -> tuple[str, int]:

@@ -2,8 +2,11 @@
 
 import http.client
 import json
+import os
+import select
 import socket
 import threading
+import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -92,6 +95,20 @@ def test_a_pseudo_terminal_is_a_serial_port(log: SensorLog, canonical: bytes) ->
     playing.join()
     assert got == canonical
     assert told == [f"serial port {said[0]} went away; waiting for it to come back"]
+
+
+def test_a_serial_port_is_played_to(log: SensorLog, canonical: bytes) -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    got = b""
+    playing = threading.Thread(target=player, args=(log, f"serial:{os.ttyname(slave)}@230400"))
+    playing.start()
+    while len(got) < len(canonical) and select.select([master], [], [], 10.0)[0]:
+        got += os.read(master, 1 << 16)
+    playing.join()
+    for end in (master, slave):
+        os.close(end)
+    assert got == canonical
 
 
 def test_numbered_datagrams_lose_nothing(log: SensorLog, canonical: bytes) -> None:

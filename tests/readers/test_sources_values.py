@@ -110,3 +110,53 @@ def test_who_calls_while_a_device_is_connected_is_turned_away_and_that_is_told_o
     assert list(source) == []
     assert len(told) == 1
     assert "was turned away: a device is connected" in told[0]
+
+
+def test_what_is_told_goes_back_to_the_device_while_there_is_one(told: list[str]) -> None:
+    port, stopped = free_port(socket.SOCK_DGRAM), list[bool]()
+    source = open_source(f"udp://:{port}", lambda: bool(stopped), told.append)
+    assert not source.send(b"nobody is there")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+        device.sendto(ROWS[0], ("127.0.0.1", port))
+        assert drained(source, 1)
+        assert source.send(b"turn\n")
+        assert device.recv(100) == b"turn\n"
+    port = free_port(socket.SOCK_STREAM)
+    source = open_source(f"tcp://:{port}", lambda: bool(stopped), told.append)
+    with socket.create_connection(("127.0.0.1", port)) as caller:
+        caller.sendall(ROWS[0] + b"\n")
+        assert drained(source, 1)
+        assert source.send(b"turn\n")
+        assert caller.recv(100) == b"turn\n"
+    for data in source:
+        if told:
+            break
+        assert data == b""
+    assert told == ["the device disconnected; waiting for it to come back"]
+    assert not source.send(b"it went away")
+
+
+def test_a_device_that_fell_silent_may_call_again(told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A link that dies without a word leaves its connection open."""
+    monkeypatch.setattr("fbgraph.readers.sources._GONE_S", 0.0)
+    port = free_port(socket.SOCK_STREAM)
+    source = open_source(f"tcp://:{port}", lambda: False, told.append)
+    with socket.create_connection(("127.0.0.1", port)) as before:
+        before.sendall(ROWS[0][:9])  # torn
+        assert drained(source, 9) == ROWS[0][:9]
+        with socket.create_connection(("127.0.0.1", port)) as again:
+            again.sendall(ROWS[1] + b"\n")
+            assert drained(source, 2 + len(ROWS[1])) == b"\n" + ROWS[1] + b"\n"
+    assert told == []
+
+
+def test_where_a_source_listens_is_told() -> None:
+    port = free_port(socket.SOCK_STREAM)
+    here = open_source(f"tcp://:{port}", lambda: True)
+    assert here.where == (
+        f"listening on tcp://127.0.0.1:{port} of this machine; for other devices: --source tcp://0.0.0.0:{port}"
+    )
+    assert list(here) == []
+    anywhere = open_source(f"tcp://0.0.0.0:{port}", lambda: True)
+    assert anywhere.where.startswith(f"listening on tcp://0.0.0.0:{port}")
+    assert list(anywhere) == []
