@@ -54,6 +54,7 @@ class IsamWindow:
         self._after_gaps: list[int] = []  # breadcrumbs before which the log was silent
         self._isam = self._new_isam()
         self._past: gtsam.ISAM2 | None = None  # the tree before, which takes a while to be taken down
+        self._rested = True
         self._ahead: tuple[WindowMove, Known, int] | None = None  # a move that is begun: as known then, up to where
         self.first = 0
         self.nodes: list[Node] = []
@@ -71,6 +72,7 @@ class IsamWindow:
         Raises:
             EstimationError: the solver failed.
         """
+        self.rest()
         k = len(self.nodes)
         if not step.chained:
             self._after_gaps.append(k)
@@ -82,14 +84,22 @@ class IsamWindow:
         with solving(f"step {k}"):
             self._isam.update(with_compass, values)
         self._latest()
-        self._past = None
         if len(self._graphs) >= 2 * self._config.window_steps:
             self._shorten()
         elif not self._compass.held(k) and self._compass.is_far(self._iron()):
             self._rebuild(self._taken_over())
-        else:
-            self._prepare(k)
+        self._rested = False
         return self.nodes[k]
+
+    def rest(self) -> None:
+        """Do what may wait until after a step: whenever no step has come, and at the latest before the next.
+
+        Raises:
+            EstimationError: the solver failed.
+        """
+        if not self._rested:
+            self._rested, self._past = True, None
+            self._prepare(len(self.nodes) - 1)
 
     def _iron(self) -> FloatArray:
         """(3,) iron and strength of the latest stretch, as believed now."""

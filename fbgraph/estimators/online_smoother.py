@@ -104,6 +104,8 @@ class OnlineSmoother:
         if self._companion is not None:
             self._companion.note(samples.events)
         steps, self.signals = self._front_end.feed(samples)
+        if not steps:
+            self._window.rest()
         return self._advance(steps)
 
     def estimate(self) -> Trajectory:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbgraph.core.geometry import BoolArray, FloatArray
+from fbgraph.core.geometry import BoolArray, FloatArray, IntArray
 from fbgraph.front_end.levelled_signals import LevelledSignals
 from fbgraph.front_end.rhythm import FRAME_S, Frames, no_frames
 from fbgraph.front_end.running_sums import Latest
@@ -80,29 +80,33 @@ class Recent:
         self.smooth = self.threshold = self.sigma = np.empty((0, 2))
         self.yaw = self.tilt_rate = np.empty(0)
         self.level = np.empty((0, 2))
-        self.slow: BoolArray = np.empty(0, dtype=np.bool_)
         self.frames, self.steady = no_frames(), np.empty(0)
         self.judged = -1
         self._steady = 0.0
         self._frame_slow = np.zeros(1, dtype=np.bool_)
         self._latest, self._latest_frames = Latest(), Latest()
 
-    def extend(
-        self, signals: LevelledSignals, smooth: FloatArray, threshold: FloatArray, sigma: FloatArray, frames: Frames
-    ) -> None:
-        """Take the next signals, and the frames that they filled."""
-        if len(frames):
-            more = (*frames.arrays, self._steadiness(frames))
-            *columns, self.steady = self._latest_frames.extend(more, len(self.frames))
-            self.frames = Frames(*columns)
-            # the last for what comes before all frames
-            self._frame_slow = np.concatenate((self._frame_slow[:-1], _is_slow(frames), _NO))
-        slow = self._frame_slow[np.searchsorted(self.frames.index, signals.index, side="right") - 1]
+    def extend(self, signals: LevelledSignals, smooth: FloatArray, threshold: FloatArray, sigma: FloatArray) -> None:
+        """Take the next signals."""
         level, yaw, tilt_rate = signals.acc_n_m_s2[:, :2], signals.yaw_gyro_rad, signals.tilt_rate_rad_s
-        more = (signals.index, smooth, threshold, sigma, yaw, level, tilt_rate, slow)
-        (self.index, self.smooth, self.threshold, self.sigma, self.yaw, self.level, self.tilt_rate, self.slow) = (
+        more = (signals.index, smooth, threshold, sigma, yaw, level, tilt_rate)
+        (self.index, self.smooth, self.threshold, self.sigma, self.yaw, self.level, self.tilt_rate) = (
             self._latest.extend(more, len(self.index))
         )
+
+    def hear(self, frames: Frames) -> None:
+        """Take the next frames."""
+        if len(frames) == 0:
+            return
+        more = (*frames.arrays, self._steadiness(frames))
+        *columns, self.steady = self._latest_frames.extend(more, len(self.frames))
+        self.frames = Frames(*columns)
+        # the last for what comes before all frames
+        self._frame_slow = np.concatenate((self._frame_slow[:-1], _is_slow(frames), _NO))
+
+    def is_slow(self, index: IntArray) -> BoolArray:
+        """(N,) whether the moving average over twice as long shows the tops at these grid indices."""
+        return np.asarray(self._frame_slow[self.frames.index.searchsorted(index, side="right") - 1])
 
     def _steadiness(self, frames: Frames) -> FloatArray:
         """(N,) seconds since the swing began to repeat itself with every stride."""
@@ -168,7 +172,7 @@ class Recent:
         """Forget all but the last ``count`` samples."""
         self.index, self.yaw, self.tilt_rate = self.index[-count:], self.yaw[-count:], self.tilt_rate[-count:]
         self.smooth, self.threshold, self.sigma = self.smooth[-count:], self.threshold[-count:], self.sigma[-count:]
-        self.slow, self.level = self.slow[-count:], self.level[-count:]
+        self.level = self.level[-count:]
         if len(self.frames) > 2 * _FRAMES_KEPT:
             self.frames, self.steady = self.frames.tail(_FRAMES_KEPT), self.steady[-_FRAMES_KEPT:]
             self._frame_slow = self._frame_slow[-_FRAMES_KEPT - 1 :]

@@ -95,10 +95,16 @@ class Rhythm:
         self._mean_s = self._every / rate_hz
         self._index: IntArray = np.empty(0, dtype=np.int64)  # of samples of a frame that is not full
         self._samples = np.empty((0, 5))
+        self._next = 0  # of the samples, this index should follow
         self._windows = _Windows(self._mean_s)
 
-    def push(self, signals: LevelledSignals) -> Frames:
-        """The frames that these samples fill."""
+    def push(self, signals: LevelledSignals, until: int | None = None) -> Frames:
+        """The frames that these samples fill.
+
+        Args:
+            signals: the next ones.
+            until: frames that end after this grid index may come with the next samples; None for all now.
+        """
         if len(signals) == 0:
             return no_frames()
         known = len(self._index)
@@ -108,7 +114,11 @@ class Rhythm:
         samples[known:, 0], samples[known:, 4] = signals.acc_norm_m_s2, signals.tilt_rate_rad_s
         samples[known:, 1:4] = signals.acc_n_m_s2
         out, frame = [], self._every * _EACH
+        if int(index[0]) != self._next:  # a gap lies between the pieces
+            self._windows = _Windows(self._mean_s)
         cuts = [0, *gaps(index), len(index)]
+        if until is not None and len(cuts) == 2:
+            cuts[1] = min(max(until + 1 - int(index[0]), 0), len(index))
         for lo, hi in itertools.pairwise(cuts):
             if lo:
                 self._windows = _Windows(self._mean_s)
@@ -119,6 +129,7 @@ class Rhythm:
                 end = min(at + _BLOCK * self._every, full)
                 out.append(self._frames(index[at:end], samples[at:end]))
         self._index, self._samples = index[full:], samples[full:]
+        self._next = int(self._index[0]) if len(self._index) else int(index[-1]) + 1
         return Frames.concatenate(out) if out else no_frames()
 
     def _frames(self, index: IntArray, samples: FloatArray) -> Frames:

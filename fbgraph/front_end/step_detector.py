@@ -85,16 +85,20 @@ class StepDetector:
         sigma = np.sqrt(variance)
         threshold = mean + self._config.lambda_sigma * sigma
         past, known = self._past, len(self._past.index)
-        past.extend(signals, smooth, threshold, sigma, self._rhythm.push(signals))
+        past.extend(signals, smooth, threshold, sigma)
         runs: list[list[Peak]] = []
         # the last sample waits for its successor, so each is judged once, with one sample of delay
         begin = max(known - 2, 0)
-        value, slow = past.smooth[begin:], past.slow[begin + 1 : -1]
+        value = past.smooth[begin:]
         peak = (value[1:-1] > value[:-2]) & (value[1:-1] >= value[2:]) & (value[1:-1] > past.threshold[begin + 1 : -1])
-        at_peaks = np.flatnonzero(np.where(slow, peak[:, 1], peak[:, 0])) + begin + 1
-        for at in at_peaks[past.index[at_peaks] > past.judged].tolist():
-            now = int(past.index[at])
-            runs += self._begun(self._after_silence(now) + self._judge(at, past), now)
+        rows = np.flatnonzero(peak[:, 0] | peak[:, 1])
+        index = past.index[rows + begin + 1]
+        # the rhythm of what follows a top is heard later, lest its step wait for it
+        past.hear(self._rhythm.push(signals, int(index[-1]) if len(index) else None))
+        slow = past.is_slow(index)
+        shown = np.where(slow, peak[rows, 1], peak[rows, 0]) & (index > past.judged)
+        for row, now, scale in zip(rows[shown].tolist(), index[shown].tolist(), slow[shown].tolist(), strict=True):
+            runs += self._begun(self._after_silence(now) + self._judge(row + begin + 1, int(scale), past), now)
             self._told = runs[-1][-1].index if runs else self._told
         past.judged = int(past.index[-2]) if len(past.index) > 1 else past.judged
         runs += self._begun(self._after_silence(past.judged + 1), past.judged + 1)
@@ -149,10 +153,9 @@ class StepDetector:
         count = (marks[-1] - marks[0]) / (rhythm.period_s * rate)
         return [[Peak(marks[-1], marks[0], True, _UNRESOLVED_DOUBT, count, _UNRESOLVED_SHARE, swung=True)]]
 
-    def _judge(self, at: int, past: Recent) -> list[list[Peak]]:
-        """One local maximum above the threshold: the peaks that it confirms, if any."""
+    def _judge(self, at: int, slow: int, past: Recent) -> list[list[Peak]]:
+        """One local maximum above the threshold, of this moving average: the peaks that it confirms, if any."""
         config, rate, frame = self._config, self._rate_hz, past.frame_at(at)
-        slow = int(past.slow[at])
         led = frame.strength > _TRUSTED and (frame.period_s > _RUNNING_S or frame.moved_m_s2 > _RUNNING_M_S2)
         # the moving average lags behind; but a step never happened in a gap of the log, or before it
         window = past.index[max(at - self._delay[slow], 0) : at + 1]
