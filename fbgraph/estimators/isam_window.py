@@ -34,7 +34,6 @@ class IsamWindow:
     """Factors of the latest breadcrumbs, solved as they come.
 
     Attributes:
-        first: breadcrumb where the window begins.
         nodes: of every breadcrumb: while in the window a guess, after it for good.
         closures: all so far.
     """
@@ -56,7 +55,7 @@ class IsamWindow:
         self._past: gtsam.ISAM2 | None = None  # the tree before, which takes a while to be taken down
         self._rested = True
         self._ahead: tuple[WindowMove, Known, int] | None = None  # a move that is begun: as known then, up to where
-        self.first = 0
+        self._first = 0
         self.nodes: list[Node] = []
         self.closures: list[Closure] = []
 
@@ -83,23 +82,30 @@ class IsamWindow:
         self._compass.hear(k, step, node, with_compass, values)
         with solving(f"step {k}"):
             self._isam.update(with_compass, values)
-        self._latest()
-        if len(self._graphs) >= 2 * self._config.window_steps:
-            self._shorten()
-        elif not self._compass.held(k) and self._compass.is_far(self._iron()):
-            self._rebuild(self._taken_over())
         self._rested = False
-        return self.nodes[k]
+        return self._latest()
 
     def rest(self) -> None:
-        """Do what may wait until after a step: whenever no step has come, and at the latest before the next.
+        """Do what may wait until after a step: when no step has come, and at the latest before anything else is asked.
 
         Raises:
             EstimationError: the solver failed.
         """
-        if not self._rested:
-            self._rested, self._past = True, None
-            self._prepare(len(self.nodes) - 1)
+        if self._rested:
+            return
+        self._rested, self._past, k = True, None, len(self.nodes) - 1
+        if len(self._graphs) >= 2 * self._config.window_steps:
+            self._shorten()
+        elif not self._compass.held(k) and self._compass.is_far(self._iron()):
+            self._rebuild(self._taken_over())
+        else:
+            self._prepare(k)
+
+    @property
+    def first(self) -> int:
+        """Breadcrumb where the window begins."""
+        self.rest()
+        return self._first
 
     def _iron(self) -> FloatArray:
         """(3,) iron and strength of the latest stretch, as believed now."""
@@ -118,10 +124,11 @@ class IsamWindow:
         Raises:
             EstimationError: the solver failed.
         """
-        starts = np.flatnonzero(np.diff(heading.stretch)) + 1 + self.first
+        self.rest()
+        starts = np.flatnonzero(np.diff(heading.stretch)) + 1 + self._first
         result = self._taken_over()
         # where the compass is judged; the tree itself is linear in yaw
-        for k, yaw_rad in enumerate(heading.yaw_rad.tolist(), self.first):
+        for k, yaw_rad in enumerate(heading.yaw_rad.tolist(), self._first):
             node = self.nodes[k]
             self.nodes[k] = replace(node, yaw_rad=node.yaw_rad + wrap_scalar(yaw_rad - node.yaw_rad))
         self._compass.recalibrated(starts.tolist(), heading.jumps_ut, heading.iron_ut)
@@ -130,8 +137,8 @@ class IsamWindow:
     def _taken_over(self) -> gtsam.Values:
         """The window as solved now; breadcrumbs and iron are its from now on."""
         result = self._isam.calculateBestEstimate()
-        self.nodes[self.first :] = self._read(result)
-        self._compass.moved(len(self.nodes) - 1, result, self.first)
+        self.nodes[self._first :] = self._read(result)
+        self._compass.moved(len(self.nodes) - 1, result, self._first)
         return result
 
     def hold(self, k: int, factor: gtsam.NonlinearFactor) -> Node:
@@ -140,9 +147,10 @@ class IsamWindow:
         Raises:
             EstimationError: the solver failed.
         """
+        self.rest()
         graph = gtsam.NonlinearFactorGraph()
         graph.push_back(factor)
-        self._graphs[k - self.first].push_back(factor)
+        self._graphs[k - self._first].push_back(factor)
         self._let_through(k, k)
         with solving("an anchor"):
             self._isam.update(graph, gtsam.Values())
@@ -171,11 +179,12 @@ class IsamWindow:
         Raises:
             EstimationError: the solver failed.
         """
-        self._graphs[first - self.first :] = graphs
+        self.rest()
+        self._graphs[first - self._first :] = graphs
         self.nodes[first:] = nodes
         self._compass.turned(first, steps)
         values = gtsam.Values()
-        for k, node in enumerate(self.nodes[self.first :], self.first):
+        for k, node in enumerate(self.nodes[self._first :], self._first):
             node.insert_into(values, k)
         self._rebuild(values)
 
@@ -188,23 +197,26 @@ class IsamWindow:
         closures = list(closures)
         if not closures:
             return
+        self.rest()
         graph = gtsam.NonlinearFactorGraph()
         for closure in closures:
             self.closures.append(closure)
             self._let_through(closure.i, closure.j)
-            if closure.j >= self.first:
-                graph.push_back(self._closure_factor(closure, self.first))
+            if closure.j >= self._first:
+                graph.push_back(self._closure_factor(closure, self._first))
         if graph.size():
             with solving("a closure"):
                 self._isam.update(graph, gtsam.Values())
 
     def refresh(self) -> Sequence[Node]:
         """Take the whole window over from iSAM2; all breadcrumbs as known now."""
-        self.nodes[self.first :] = self._read(self._isam.calculateBestEstimate())
+        self.rest()
+        self.nodes[self._first :] = self._read(self._isam.calculateBestEstimate())
         return self.nodes
 
     def glimpse(self) -> list[Node]:
         """The window as smoothed now. Only looks: later estimates are the same whether one asked or not."""
+        self.rest()
         return self._read(self._isam.calculateEstimate())
 
     def _read(self, result: gtsam.Values) -> list[Node]:
@@ -217,7 +229,7 @@ class IsamWindow:
                 result.atVector(B(k)),
                 result.atDouble(D(k)),
             )
-            for k in range(self.first, len(self.nodes))
+            for k in range(self._first, len(self.nodes))
         ]
 
     def _closure_factor(self, closure: Closure, first: int) -> gtsam.NonlinearFactor:
@@ -227,12 +239,12 @@ class IsamWindow:
         return closure_prior(closure, fixed.x_m, fixed.y_m, fixed.yaw_rad)
 
     def _told(self) -> Told:
-        return Told(self.first, self._graphs, self._compass, self.closures, self._closure_factor)
+        return Told(self._first, self._graphs, self._compass, self.closures, self._closure_factor)
 
     def _next_move(self) -> WindowMove:
-        join = self.first + self._config.window_steps
-        by_qr = any(self.first < k <= join for k in self._after_gaps)
-        return WindowMove(self.first, join, self._new_isam(), by_qr=by_qr)
+        join = self._first + self._config.window_steps
+        by_qr = any(self._first < k <= join for k in self._after_gaps)
+        return WindowMove(self._first, join, self._new_isam(), by_qr=by_qr)
 
     def _prepare(self, k: int) -> None:
         """Before the window moves, do a piece of what later steps hardly change any more; ``k`` is the latest."""
@@ -241,10 +253,10 @@ class IsamWindow:
         if self._ahead is not None:
             move, at, last = self._ahead
             move.piece(self._told(), at, last)
-        elif left <= size // LEAVE + size // ENTER + 1 and settled >= self.first + LEAVE:
+        elif left <= size // LEAVE + size // ENTER + 1 and settled >= self._first + LEAVE:
             values = self._isam.calculateBestEstimate()
-            nodes = dict(enumerate(self._read(values), self.first))
-            at = Known(values, nodes, self._compass.estimated(values, self.first, k))
+            nodes = dict(enumerate(self._read(values), self._first))
+            at = Known(values, nodes, self._compass.estimated(values, self._first, k))
             self._ahead = self._next_move(), at, settled
 
     def _let_through(self, i: int, j: int) -> None:
@@ -255,13 +267,13 @@ class IsamWindow:
     def _shorten(self) -> None:
         """Move the window by half of it."""
         values = self._taken_over()
-        at = Known(values, dict(enumerate(self.nodes[self.first :], self.first)), self._compass.iron_ut)
+        at = Known(values, dict(enumerate(self.nodes[self._first :], self._first)), self._compass.iron_ut)
         move = self._ahead[0] if self._ahead is not None else self._next_move()
         move.finish(self._told(), at, len(self.nodes) - 1)
         # factors that come with the join itself look back from it
-        self._graphs = [move.prior, *self._graphs[move.join - self.first + 1 :]]
+        self._graphs = [move.prior, *self._graphs[move.join - self._first + 1 :]]
         self._compass.forget(move.join)
-        self.first, self._ahead = move.join, None
+        self._first, self._ahead = move.join, None
         self._past, self._isam = self._isam, move.tree
 
     def _rebuild(self, values: gtsam.Values) -> None:
@@ -269,12 +281,12 @@ class IsamWindow:
         graph, last = gtsam.NonlinearFactorGraph(), len(self.nodes) - 1
         for part in self._graphs:
             graph.push_back(part)
-        for factor in self._compass.again(self.nodes, self.first, last, self._compass.iron_ut):
+        for factor in self._compass.again(self.nodes, self._first, last, self._compass.iron_ut):
             graph.add(factor)
         for closure in self.closures:
-            if closure.j > self.first:
-                graph.push_back(self._closure_factor(closure, self.first))
-        for j in self._compass.states(self.first, last):
+            if closure.j > self._first:
+                graph.push_back(self._closure_factor(closure, self._first))
+        for j in self._compass.states(self._first, last):
             if values.exists(I(j)):  # whichever of them the estimate knew
                 values.erase(I(j))
             values.insert(I(j), self._compass.iron_ut[j] / UNIT_UT)

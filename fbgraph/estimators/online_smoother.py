@@ -85,6 +85,7 @@ class OnlineSmoother:
         self._window = IsamWindow(config.online, config.graph, self._aids.places_known)
         self._anchors = OnlineAnchors(self._aids.anchors, config.graph)
         self._anchored: dict[int, list[gtsam.PoseTranslationPrior2D]] = {}  # by breadcrumb
+        self._unjudged = False  # whether iron is to be looked for after the latest step
         self._jumped: list[int] = []  # breadcrumbs where the magnetometer's zero seems to
         self._steps: list[Step] = []
         self._updates: list[Update] = []
@@ -105,7 +106,7 @@ class OnlineSmoother:
             self._companion.note(samples.events)
         steps, self.signals = self._front_end.feed(samples)
         if not steps:
-            self._window.rest()
+            self._rest()
         return self._advance(steps)
 
     def estimate(self) -> Trajectory:
@@ -119,6 +120,7 @@ class OnlineSmoother:
     def _own_estimate(self) -> Trajectory:
         """The same in the walk's own frame, which begins at the origin."""
         self._require_steps()
+        self._rest()
         columns = np.array([(n.x_m, n.y_m, n.z_m, n.yaw_rad, n.bias_rad_s) for n in self._window.refresh()]).T
         return Trajectory(np.array([s.t_s for s in self._steps]), *columns)
 
@@ -159,6 +161,7 @@ class OnlineSmoother:
             EstimationError: the solver failed.
         """
         self._advance(self._front_end.finish()[0])
+        self._rest()
         self._rewrite(self._carrying.finish())
         config, track, known = self._config, self.track, self._own_estimate()
         smoothed = smooth(track, known, config.graph, config.solver, self._aids, self._window.closures)
@@ -173,6 +176,7 @@ class OnlineSmoother:
     def _advance(self, steps: list[Step]) -> list[Update]:
         updates = []
         for measured in steps:
+            self._rest()
             self._rewrite(self._carrying.add(measured))
             (step,) = self._carrying.steps(len(self._steps))
             if self._builder is None:  # a walk begins with its start and several steps at once
@@ -196,13 +200,17 @@ class OnlineSmoother:
             for at, factor in self._anchors.due(self._steps, walk, self._window.first, builder.compass):
                 node = self._window.hold(at, factor)
                 self._anchored.setdefault(at, []).append(factor)
-        self._judge_iron(k, step)
+        if step.jump_x_ut or step.jump_y_ut:
+            self._jumped.append(k)
+        self._unjudged = True
         walked_m = (self._updates[-1].distance_m if self._updates else 0.0) + step.length_m
         update = Update(k, step.t_s, node.x_m, node.y_m, node.z_m, node.yaw_rad, node.bias_rad_s, walked_m)
         if self._companion is not None:
             # the way back is known by distances and turns: it needs no frame, and none may change under it
             told, closures = self._companion.advance(update, step, self._own_estimate)
-            self._window.close(closures)
+            if closures := tuple(closures):
+                self._rest()  # what was due before them
+                self._window.close(closures)
         else:
             told = None
         x_m, y_m, yaw_rad = self._anchors.seen(update)
@@ -212,10 +220,15 @@ class OnlineSmoother:
             self.beliefs.append(self.belief())
         return update
 
-    def _judge_iron(self, k: int, step: Step) -> None:
+    def _rest(self) -> None:
+        """Do what changes the next estimate but not the last: when no step has come, or before the next."""
+        self._window.rest()
+        if self._unjudged:
+            self._unjudged = False
+            self._judge_iron(len(self._steps) - 1)
+
+    def _judge_iron(self, k: int) -> None:
         """Now and then ask whether a jump of the magnetometer, or more iron than is known of, explains the walk."""
-        if step.jump_x_ut or step.jump_y_ut:
-            self._jumped.append(k)
         due = any(k - at in _JUDGED_AFTER and at > self._window.first for at in self._jumped)
         if not due and (self._window.first or k == 0 or k % _LOOKED_EVERY):
             return

@@ -115,6 +115,32 @@ def test_any_chunks_give_the_same_bits(chunk: int) -> None:
     assert len(whole) == 187
 
 
+@pytest.mark.parametrize("gap", [False, True])
+def test_frames_that_may_come_later_are_the_same(gap: bool) -> None:
+    rng = np.random.default_rng(3)
+    signals = moving(*rng.normal(0.0, 1.0, (3, 3000)), first=13)
+    if gap:
+        keep = (np.arange(3000) < 1003) | (np.arange(3000) >= 1101)
+        signals = LevelledSignals(**{name: column[keep] for name, column in vars(signals).items()})
+    rhythm, pieces = Rhythm(100.0), []
+    for at in range(0, len(signals), 50):
+        piece = signals.tail(len(signals) - at).head(50)
+        until = int(piece.index[int(rng.integers(len(piece)))]) if at % 150 else None
+        pieces.append(rhythm.push(piece, until))
+        assert gap or until is None or not len(pieces[-1]) or pieces[-1].index[-1] <= until < pieces[-1].index[-1] + 16
+    pieces.append(rhythm.push(moving(*rng.normal(0.0, 1.0, (3, 10)), first=3013)))
+    whole, cut = Rhythm(100.0).push(signals), Frames.concatenate(pieces)
+    assert all(np.array_equal(getattr(whole, name), getattr(cut, name)[: len(whole)]) for name in NAMES)
+
+
+def test_after_a_gap_between_two_pieces_too() -> None:
+    signals = gait(1.8, 24.0)
+    before, after = signals.head(16 * 60), signals.tail(2400 - 16 * 70)
+    rhythm = Rhythm(100.0)
+    rhythm.push(before)  # up to the very end of a frame
+    assert np.array_equal(rhythm.push(after).strength, Rhythm(100.0).push(after).strength)
+
+
 def test_after_a_gap_the_rhythm_begins_anew() -> None:
     signals, index = gait(1.8, 24.0), np.arange(2400)
     keep = (index < 1000) | (index >= 1100)
