@@ -6,6 +6,7 @@ import os
 import select
 import socket
 import threading
+import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -54,10 +55,10 @@ def received(spec: str, send: Callable[[], Played], until: Callable[[bytes], boo
     source = open_source(spec, over.is_set, told.append)
     playing = threading.Thread(target=lambda: sent.append(send()))
     playing.start()
-    got = b""
+    got, began_s = b"", time.monotonic()
     for data in in_order(source, NOWHERE, told.append):
         got += data
-        if not data and until(got) and not playing.is_alive():
+        if (not data and until(got) and not playing.is_alive()) or time.monotonic() - began_s > 60.0:
             over.set()
     playing.join()
     return got, sent[0], told

@@ -9,6 +9,7 @@ import select
 import shutil
 import subprocess
 import sys
+import time
 import tty
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +25,8 @@ from fbgraph.simulator.simulate import simulate
 
 SPEED = 15.0
 HEAP = "256k"  # the stick has half of it, and words that are half as long
+PATIENCE_S = 150.0
+"""A machine that does much else is slow; alone it takes a tenth of that."""
 TURNED_S, LOST = 33.0, 0.05
 SILENT, UNPLUGGED = range(600, 2600), range(3600, 5600)
 """Lines during which the link is down: twenty seconds of the device's clock, each."""
@@ -160,9 +163,12 @@ def read_while(online: subprocess.Popen[bytes], cable: Cable) -> tuple[str, str]
     assert online.stdout is not None
     assert online.stderr is not None
     texts = {online.stdout.fileno(): b"", online.stderr.fileno(): b""}
-    open_ones = list(texts)
+    open_ones, began_s = list(texts), time.monotonic()
     while open_ones:
         cable.carry()
+        if time.monotonic() - began_s > PATIENCE_S:
+            online.kill()
+            raise AssertionError(f"no end: {texts[open_ones[-1]].decode()} {cable.noise}")
         for end in select.select(open_ones, [], [], 0)[0]:
             data = os.read(end, 1 << 16)
             texts[end] += data
