@@ -15,6 +15,7 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.nanoseconds import MAX_T_NS
 from fbgraph.core.sensor_log import Stream
+from fbgraph.physics.likely_samples import likely
 from fbgraph.physics.sensor_units import judge_accelerometer
 from fbgraph.readers.cleaning import RawLog
 from fbgraph.tables.table import Table
@@ -60,6 +61,7 @@ def readable_streams(
             continue
         t_ns, values = clock_ns(tables[pick.table], clocks[pick.table]), tables[pick.table].numbers(pick.columns)
         good = np.isfinite(values).all(axis=1) & (np.abs(t_ns) <= MAX_T_NS)
+        good &= likely(name, values, good)
         t_ns, first = np.unique(t_ns[good], return_index=True)
         if len(t_ns) < 2:
             continue
@@ -82,9 +84,11 @@ def tagged_streams(raw: RawLog) -> dict[str, Stream]:
     found = {}
     t0_ns = min((int(stream.t_ns.min()) for stream in raw.streams.values() if len(stream.t_ns)), default=0)
     for name, stream in raw.streams.items():
-        good = np.isfinite(stream.values.reshape(len(stream.t_ns), -1)).all(axis=1) & (np.abs(stream.t_ns) <= MAX_T_NS)
+        values = stream.values.reshape(len(stream.t_ns), -1)
+        good = np.isfinite(values).all(axis=1) & (np.abs(stream.t_ns) <= MAX_T_NS)
+        good &= likely(name, values, good)
         t_ns, first = np.unique(stream.t_ns[good], return_index=True)
-        values = stream.values.reshape(len(stream.t_ns), -1)[good][first]
+        values = values[good][first]
         if len(t_ns) > 1:
             found[name] = Stream(_seconds(t_ns, t0_ns), values)
     return found

@@ -49,7 +49,10 @@ def convert_log(log: SensorLog, truth: Checkpoints | None, preset: str, out: Pat
         ConfigError: one of them is there already, or cannot be written.
     """
     places = None if truth is None or not len(truth) else truth
-    files = [out] if places is None else [out, out.with_name(f"{out.stem}_truth.csv")]
+    beside = out.with_name(f"{out.stem}_truth.csv")
+    if places is None and beside.exists():
+        raise ConfigError(f"{beside}: is there, and this log carries no truth: move it, or name another OUT.csv")
+    files = [out] if places is None else [out, beside]
     for path in files:
         if path.exists() and not force:
             raise ConfigError(f"{path}: is there already; --force replaces it")

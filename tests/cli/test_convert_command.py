@@ -56,6 +56,15 @@ def test_nothing_is_replaced_without_force(simulated: Path, tmp_path: Path) -> N
     assert out.read_text().startswith("# converted by fbgraph from m5stickc; preset m5stickc\nt_ms,ax_g,ay_g,az_g,")
 
 
+def test_a_log_without_truth_is_not_put_beside_the_truth_of_another(simulated: Path, tmp_path: Path) -> None:
+    out, truth = tmp_path / "walk.csv", tmp_path / "walk_truth.csv"
+    truth.write_text("t_s,x_m,y_m\n1,2,3\n")
+    for force in ((), ("--force",)):
+        said = fbgraph("convert", simulated, out, *force, code=2).stderr
+        assert "walk_truth.csv: is there, and this log carries no truth" in said
+    assert list(tmp_path.iterdir()) == [truth]
+
+
 def test_a_log_that_cannot_be_read_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("t_ms,ax_g,ay_g,az_g\n" + "".join(f"{10 * i},0,0,1\n" for i in range(300)))
     assert "no gyroscope" in fbgraph("convert", tmp_path / "log.csv", tmp_path / "out.csv", code=3).stderr
