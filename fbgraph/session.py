@@ -356,6 +356,8 @@ def follow_source(
                 raw.write(data)
                 estimates.feed(cutter.push(data), on_update)
     except OSError as error:
+        if not raw_path.exists():
+            raise ConfigError(f"{raw_path}: cannot write there: {error.strerror or error}") from error
         tell(f"recording ended: {raw_path}: {error.strerror or error}; what came before is kept there")
     estimates.feed(cutter.finish(), on_update)
     log, told = _with_its_truth(saved_log(raw_path), told)

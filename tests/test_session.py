@@ -1,10 +1,14 @@
 """A walk in progress."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from fbgraph.core.config import load_config
+from fbgraph.core.errors import ConfigError
 from fbgraph.core.sensor_log import SensorLog, Stream
-from fbgraph.session import cut_log
+from fbgraph.session import cut_log, follow_source
 
 
 @pytest.mark.parametrize("chunk_s", [0.1, 0.03, 0.7, 1e9])
@@ -17,3 +21,12 @@ def test_a_replayed_log_is_the_log(chunk_s: float) -> None:
     joined = SensorLog.concatenate([piece for piece, _ in cut_log(log, chunk_s, np.inf, lambda: False)])
     for name in ("acc", "gyro", "mag"):
         np.testing.assert_array_equal(getattr(joined, name).t_s, getattr(log, name).t_s)
+
+
+def test_a_recording_that_cannot_begin_is_told_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fbgraph.session.RawRecorder", full)
+    with pytest.raises(ConfigError, match=r"raw\.csv: cannot write there: No space left on device"):
+        follow_source([b"t_ms,ax_g\n"], tmp_path, load_config("m5stickc"))

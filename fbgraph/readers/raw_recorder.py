@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
-from fbgraph.core.errors import DataError
+from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers.cleaning import OPTIONAL_SENSORS
 from fbgraph.readers.layout import Layout
@@ -142,15 +142,24 @@ def saved_log(raw_path: Path, layout: Layout | None = None) -> SensorLog:
 
 
 def cut_torn_line(raw_path: Path) -> None:
-    """Take off what a crash left of a last line, before others are added."""
-    with open(raw_path, "rb+") as raw:
-        size = raw.seek(0, os.SEEK_END)
-        tail = b""
-        while size and not {*tail} & {*b"\r\n"}:
-            size = max(size - _TAIL_BYTES, 0)
-            raw.seek(size)
-            tail = raw.read(_TAIL_BYTES)
-        raw.truncate(size + max(tail.rfind(b"\n"), tail.rfind(b"\r")) + 1)
+    """Take off what a crash left of a last line, before others are added.
+
+    Raises:
+        ConfigError: nothing can be written there.
+    """
+    try:
+        with open(raw_path, "rb+") as raw:
+            size = whole = raw.seek(0, os.SEEK_END)
+            tail = b""
+            while whole and not {*tail} & {*b"\r\n"}:
+                whole = max(whole - _TAIL_BYTES, 0)
+                raw.seek(whole)
+                tail = raw.read(_TAIL_BYTES)
+            whole += max(tail.rfind(b"\n"), tail.rfind(b"\r")) + 1
+            if whole < size:
+                raw.truncate(whole)
+    except OSError as error:
+        raise ConfigError(f"{raw_path}: cannot write there: {error.strerror or error}") from error
 
 
 def saved_lines(raw_path: Path) -> Iterator[list[str]]:

@@ -104,7 +104,10 @@ def claimed_live(out: Path, resume: bool, force: bool = False, option: str = "--
                 raise ConfigError(f"{option} {out}: no {RAW} and config.toml there, so no walk to go on with")
             if (place / SUMMARY).is_file():
                 raise ConfigError(f"{option} {out}: that walk was finished; begin another with --out")
-            (place / RAW).touch()  # of a walk that was killed before its first byte
+            try:
+                (place / RAW).touch()  # of a walk that was killed before its first byte
+            except OSError as error:
+                raise ConfigError(f"{place / RAW}: cannot write there: {error.strerror or error}") from error
         else:
             require_replaceable(place, None, force)
             if (place / "summary.json").exists() and not force:

@@ -29,7 +29,7 @@ def test_spikes_of_feet_stay_and_rows_that_are_not_there_are_not_asked() -> None
     values = samples()
     values[10] *= 3.0
     values[20] = np.nan
-    there = np.isfinite(values).all(axis=1)
+    there = np.arange(200) != 20
     assert likely("acc", values, there)[there].all()
     values[30] = 1000.0
     assert not likely("acc", values, there)[30]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fbgraph.core.errors import DataError
+from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers.cleaning import are_repeated
 from fbgraph.readers.layout import ClockLayout, Layout, StreamLayout
@@ -242,3 +242,9 @@ def test_a_torn_line_is_cut_off(tmp_path: Path, before: str, after: str) -> None
     path = raw_file(tmp_path, before)
     cut_torn_line(path)
     assert path.read_text() == after
+
+
+def test_a_torn_line_that_cannot_be_cut_off_is_told(tmp_path: Path) -> None:
+    (tmp_path / "raw.csv").mkdir()
+    with pytest.raises(ConfigError, match=r"raw\.csv: cannot write there: Is a directory"):
+        cut_torn_line(tmp_path / "raw.csv")
