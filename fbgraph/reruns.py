@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from fbgraph.core.errors import DataError
-from fbgraph.core.whole_writes import whole_file
+from fbgraph.core.whole_writes import locked, whole_file
 from fbgraph.pipeline import read_told, reconstruct, with_places
 from fbgraph.run.folder import RAW
 from fbgraph.run.inputs import RunInputs
@@ -64,7 +65,10 @@ def record_run(run: Path, out: Path | None = None, log_path: Path | None = None)
 
     result = repeat_run(run, log_path)
     path = out or run / "recording.rrd"
-    with whole_file(path) as partial:
+    with ExitStack() as held:
+        if out is None and not Path.cwd().is_relative_to(run.resolve()):
+            held.enter_context(locked(run, make_parents=False))  # else a run that ends meanwhile takes it away
+        partial = held.enter_context(whole_file(path))
         write_recording(result, partial, summary_markdown(summarize(result)))
     return path
 
