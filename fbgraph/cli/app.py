@@ -236,6 +236,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # what an encoding cannot show is no reason to fail
+    _came.clear()
     for number in STOPPING:
         signal.signal(number, _stop)
     try:
@@ -257,6 +258,10 @@ def main() -> None:
         _fail(f"unexpected {type(error).__name__}: {error} (set FBGRAPH_DEBUG=1 for the traceback)", 1)
 
 
+_came: list[int] = []
+"""Signals that were to end this command."""
+
+
 class _StoppedError(SystemExit):
     """A signal ended the command."""
 
@@ -264,7 +269,18 @@ class _StoppedError(SystemExit):
 def _stop(number: int, _frame: object) -> None:
     """End, cleaning up on the way: a run that was being written vanishes, the one before it stays."""
     complain(f"stopped by {signal.Signals(number).name}; what was not finished was not written")
+    _came.append(number)
     raise _StoppedError(128 + number)
+
+
+def require_not_stopped() -> None:
+    """End after all if a signal came while a library was loading, some of which let no exception pass.
+
+    Raises:
+        SystemExit: one came.
+    """
+    if _came:
+        raise _StoppedError(128 + _came[-1])
 
 
 def _fail(message: str, code: int) -> None:

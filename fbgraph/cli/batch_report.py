@@ -23,13 +23,14 @@ from fbgraph.cli.app import (
     UseGnssOption,
     WorkersOption,
     app,
+    require_not_stopped,
 )
 from fbgraph.cli.printing import batch_progress_bar, complain, print_table, say, say_json
 from fbgraph.core.errors import DataError
 from fbgraph.core.safe_text import short_name
 
 if TYPE_CHECKING:
-    from fbgraph.batches.run_batch import Batch
+    from fbgraph.batches.run_batch import Batch, Progress
 
 
 @app.command(epilog="Examples: `fbgraph batch walks/ --out b`, `fbgraph batch 'site*/*.gz' more.csv --out b --resume`")
@@ -119,7 +120,12 @@ def batch(
     how = HowToRun(workers, scheduler, timeout_s, most_memory, retries, resume)
     with batch_progress_bar() as progress:
         try:
-            result = run_batch(logs or (), out, options, how, complain, progress)
+
+            def told(so_far: Progress) -> None:
+                require_not_stopped()
+                progress(so_far)
+
+            result = run_batch(logs or (), out, options, how, complain, told)
         except SystemExit:
             complain(f"--resume goes on with the batch in {out}")
             raise

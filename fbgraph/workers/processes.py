@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from multiprocessing import forkserver
 from typing import Generic
 
 from pebble import ProcessExpired, ProcessPool
@@ -91,9 +94,20 @@ class LocalPool(Generic[Item, Value]):
         self._breaks = 0
         return outcome
 
+    def start_no_more(self) -> None:
+        """End the process that others are forked from, lest it start one that nobody awaits; a new pool has its own."""
+        server = getattr(forkserver._forkserver, "_forkserver_pid", None)
+        with suppress(ProcessLookupError):
+            if server is not None:
+                os.kill(server, signal.SIGKILL)
+
     def stop(self) -> None:
         """End all processes, whatever they are at."""
         self._pool.stop()
+        if (starting := self._pool._pool_manager_loop) is not None:
+            starting.join()
+        for process in list(self._pool._pool_manager.worker_manager.workers.values()):
+            process.kill()  # before what they read from is closed: who is only starting would complain of that
         self._pool.join()
 
 

@@ -84,6 +84,9 @@ def _stopping(pool: LocalPool[Item, Value]) -> Iterator[LocalPool[Item, Value]]:
     """A pool that is stopped when the block ends, in whatever way."""
     try:
         yield pool
+    except (KeyboardInterrupt, SystemExit):
+        pool.start_no_more()
+        raise
     finally:
         pool.stop()
 
