@@ -295,10 +295,10 @@ class ReturnConfig(Section):
     """When the way back begins: never, auto (it is noticed), event, event:NAME (a button's) or seconds since start."""
     out_and_back: bool = True
     """Of a whole log: look for a turn-back and tie the way back to the way out."""
-    retraced_m: Positive = 12.0
+    retraced_m: Positive = 11.0
     """How much must have been walked back before a turn-back is believed."""
     apart_m: Positive = 1.5
-    """How far from the way out that may be, on average."""
+    """How far from the way out the way back may be, on average, where one says late that one has turned."""
     corridor_m: Positive = 2.5
     """Who is further from the route than this, beyond doubt, is off it."""
     drift_m: Positive = 0.12

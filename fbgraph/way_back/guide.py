@@ -13,9 +13,9 @@ from fbgraph.core.trajectory import Breadcrumb, Trajectory
 from fbgraph.front_end.step_track import Step
 from fbgraph.way_back.closures import beside_m
 from fbgraph.way_back.follower import RouteFollower
-from fbgraph.way_back.records import Closure, Crumb, Match, ReturnUpdate, TurnBack
+from fbgraph.way_back.records import Closure, Match, ReturnUpdate, TurnBack
 from fbgraph.way_back.texts import turn_text
-from fbgraph.way_back.turn_back import TurnBackDetector, reversal
+from fbgraph.way_back.turn_back import TurnBackDetector, crumb_of, reversal
 from fbgraph.way_back.turns import Turn, find_turns
 from fbgraph.way_back.way_out import Outbound, level_length_m
 
@@ -49,7 +49,7 @@ class ReturnGuide:
         self._mode = mode if mode in ("never", "auto", "event") else "time"
         self._named = name.split()
         self._at_s = float(at) if self._mode == "time" else math.inf
-        self._detector = TurnBackDetector(self._config.retraced_m, self._config.apart_m)
+        self._detector = TurnBackDetector(self._config.retraced_m)
         self._events_s: list[float] = []
         self._steps: list[Step] = []
         self._yaws: list[float] = []
@@ -108,8 +108,8 @@ class ReturnGuide:
         """Whether the way back has begun with this step; if so, catch up with it."""
         k = update.k
         if self._mode == "auto":
-            crumb = Crumb(update.t_s, update.x_m, update.y_m, update.z_m, update.yaw_rad, self._walked_m)
-            self.turn_back = self._detector.advance(crumb)
+            place = update.x_m, update.y_m, update.z_m, update.yaw_rad
+            self.turn_back = self._detector.advance(crumb_of(step, place, self._walked_m))
             if self.turn_back is None:
                 return []
             known = estimate()

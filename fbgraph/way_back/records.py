@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -22,7 +23,10 @@ class TurnBack:
 
 @dataclass(frozen=True, slots=True)
 class Crumb:
-    """What the search looks at: time, place, direction, distance walked as if on the level."""
+    """What the search looks at: time, place, direction, distance walked as if on the level, the magnetic field there.
+
+    The field is that of the step, down, horizontally, and horizontally across magnetic North; nan where not known.
+    """
 
     t_s: float
     x_m: float
@@ -30,6 +34,9 @@ class Crumb:
     z_m: float
     yaw_rad: float
     walked_m: float
+    down_ut: float = math.nan
+    level_ut: float = math.nan
+    across_ut: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
 
 import numpy as np
 
 from fbgraph.core.config import ReturnConfig, StepLengthConfig
-from fbgraph.core.geometry import FloatArray, wrap_angle
+from fbgraph.core.geometry import FloatArray, wrap_angle, wrap_scalar
 from fbgraph.core.trajectory import Trajectory
-from fbgraph.front_end.step_track import StepTrack
+from fbgraph.front_end.step_track import Step, StepTrack
 from fbgraph.way_back.records import Crumb, TurnBack
-from fbgraph.way_back.way_out import level_length_m
+from fbgraph.way_back.retracing import GRID_M, Retracing, Row, between
+from fbgraph.way_back.way_out import field_of, level_length_m
 
+_FITS = 4.0  # an alignment worth weighing
+_REACH = 0.8  # share of it that the way out must have been retraced by: steps differ, and some are made on the spot
+_BEYOND_DOUBT = 1.5  # log odds: nine to two
+_BEYOND_DOUBT_TO_TIE = 2.5  # twelve to one: what is tied together changes the walk, and nobody is there to object
 _GRID_M = 0.5
 _SLACK_M = 3.0  # steps lost, or made on the spot, while turning
 _FLOOR_M = 1.2  # a landing of a staircase turns back too, but the flights are not at one height
@@ -24,50 +31,55 @@ _LATE_M, _LATE_LEAST_M = 15.0, 1.2
 
 
 class TurnBackDetector:
-    """Breadcrumbs in; tells that the last ``retraced_m`` of the walk lie on what was walked just before.
+    """Breadcrumbs in; tells that the walk leads back over its own way, once that is beyond doubt.
 
-    Shorter returns are left alone: who looks into a dead end and goes on is not on the way back.
+    Shorter returns are left alone: who looks into a dead end and goes on is not on the way back. When it is told,
+    ``retraced_m`` have been walked back, or more where place, direction and magnetic field left it open
+    (``retracing``): beside the way out a walk may be on the other side of a corridor, or on another lane.
     """
 
-    def __init__(self, retraced_m: float, apart_m: float) -> None:
+    def __init__(self, retraced_m: float, log_odds: float = _BEYOND_DOUBT) -> None:
         """A detector.
 
         Args:
             retraced_m: how much must have been walked back before it is believed.
-            apart_m: how far from the way out the way back may be, on average.
+            log_odds: what is beyond doubt: of the way back against walking on.
         """
         self._retraced_m = retraced_m
-        self._apart_m = apart_m
-        self._crumbs: list[Crumb] = []
+        self._log_odds = log_odds
+        self._retracing = Retracing()
+        self._last: tuple[float, Row] | None = None
+        self._rows = 0
+        self._t_s: list[float] = []
+        self._walked_m: list[float] = []
 
     def advance(self, crumb: Crumb) -> TurnBack | None:
         """Take the next breadcrumb, from the very first on; the turn-back if it is now known."""
-        crumbs, need_m = self._crumbs, self._retraced_m
-        crumbs.append(crumb)
-        turned = self._index(crumb.walked_m - need_m)
-        if turned < 1 or crumbs[turned].walked_m < need_m:
-            return None
-        mirrored = (self._index(crumbs[turned].walked_m - need_m - slack_m) for slack_m in (-_SLACK_M, 0.0, _SLACK_M))
-        if all(math.cos(crumb.yaw_rad - crumbs[max(k, 0)].yaw_rad) > 0.0 for k in mirrored):
-            return None  # the common case, cheaply
-        first = max(self._index(crumbs[turned].walked_m - need_m - _SLACK_M), 0)
-        recent = np.array([(c.t_s, c.x_m, c.y_m, c.z_m, c.yaw_rad, c.walked_m) for c in crumbs[first:]])
-        walked = recent[:, 5]
-        best = (self._apart_m, -1)
-        for k in range(int(np.searchsorted(walked, walked[-1] - need_m - 1.0)), len(walked)):
-            if walked[-1] - walked[k] < need_m:
-                break
-            best = min(best, (_apart_m(recent[:, 1:], k, need_m, 0.7), k))
-        if best[1] < 0:
-            return None
-        return TurnBack(first + best[1], float(recent[best[1], 0]), crumb.t_s)
+        self._t_s.append(crumb.t_s)
+        self._walked_m.append(crumb.walked_m)
+        row = Row(crumb.x_m, crumb.y_m, crumb.z_m, crumb.yaw_rad, crumb.down_ut, crumb.level_ut, crumb.across_ut)
+        before_m, before = self._last or (crumb.walked_m, row)
+        self._last = (crumb.walked_m, row)
+        found = None
+        while found is None and self._rows * GRID_M <= crumb.walked_m:
+            share = (self._rows * GRID_M - before_m) / max(crumb.walked_m - before_m, 1e-9)
+            score = self._retracing.advance(between(before, row, share))
+            self._rows += 1
+            if score > _FITS:
+                found = self._judged()
+        return found
 
-    def _index(self, walked_m: float) -> int:
-        """Last breadcrumb at or before a distance walked; -1 if none."""
-        k = len(self._crumbs) - 1
-        while k >= 0 and self._crumbs[k].walked_m > walked_m:
-            k -= 1
-        return k
+    def _judged(self) -> TurnBack | None:
+        """The turn-back by the best alignment, if it is beyond doubt."""
+        aligned = self._retracing.aligned()
+        turned_m = GRID_M * aligned.turn
+        back_m, out_m = (self._rows - 1) * GRID_M - turned_m, turned_m - GRID_M * float(aligned.out[-1])
+        if back_m < self._retraced_m - 0.5 * GRID_M or out_m < _REACH * self._retraced_m:
+            return None
+        if self._retracing.climbed_m(aligned) >= _FLOOR_M or self._retracing.log_odds(aligned) < self._log_odds:
+            return None
+        k = max(bisect_right(self._walked_m, turned_m) - 1, 1)
+        return TurnBack(k, self._t_s[k], self._t_s[-1])
 
 
 def find_turn_back(
@@ -79,16 +91,26 @@ def find_turn_back(
         trajectory: an estimate of the walk.
         track: its steps.
         length: as the steps were measured.
-        config: how much of the way must have been walked back, and how near to the way out.
+        config: how much of the way must have been walked back.
     """
-    detector = TurnBackDetector(config.retraced_m, config.apart_m)
-    walked = np.cumsum([level_length_m(step, length) for step in track.steps])
-    columns = (track.t_s, trajectory.x_m, trajectory.y_m, trajectory.z_m, trajectory.yaw_rad, walked)
-    for row in np.column_stack(columns).tolist():
-        found = detector.advance(Crumb(*row))
+    detector = TurnBackDetector(config.retraced_m, _BEYOND_DOUBT_TO_TIE)
+    walked_m = 0.0
+    columns = trajectory.x_m, trajectory.y_m, trajectory.z_m, trajectory.yaw_rad
+    for k, step in enumerate(track.steps):
+        walked_m += level_length_m(step, length)
+        place = [float(axis[k]) for axis in columns]
+        found = detector.advance(crumb_of(step, place, walked_m))
         if found is not None:
             return found
     return None
+
+
+def crumb_of(step: Step, place: Sequence[float], walked_m: float) -> Crumb:
+    """What the search looks at of a step, its estimated place (x, y, z, yaw), and the distance walked until then."""
+    x_m, y_m, z_m, yaw_rad = place
+    down_ut, level_ut = field_of(step)
+    across_ut = level_ut * math.sin(wrap_scalar(step.yaw_mag_rad - yaw_rad))
+    return Crumb(step.t_s, x_m, y_m, z_m, yaw_rad, walked_m, down_ut, level_ut, across_ut)
 
 
 def reversal(xyz_m: FloatArray, yaw_rad: FloatArray, walked_m: FloatArray, apart_m: float) -> int:
@@ -97,7 +119,7 @@ def reversal(xyz_m: FloatArray, yaw_rad: FloatArray, walked_m: FloatArray, apart
     Args:
         xyz_m: (K + 1, 3) all breadcrumbs so far.
         yaw_rad, walked_m: (K + 1,) their direction and the distance walked as if on the level.
-        apart_m: as in ``TurnBackDetector``.
+        apart_m: how far from the way out the way back may be, on average.
 
     Returns:
         Its index; the last one's if the walk was not reversed in its last 15 m.

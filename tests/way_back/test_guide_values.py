@@ -213,7 +213,7 @@ def test_who_walks_on_when_the_way_back_begins_is_told_after_two_metres() -> Non
 
 
 def test_it_may_be_noticed_by_itself() -> None:
-    guide = walked("auto")
+    guide = walked("auto", retraced_m=12.0)
     assert guide.turn_back is not None
     assert guide.turn_back.breadcrumb == pytest.approx(60, abs=3)
     assert guide.turn_back.known_s == pytest.approx(44.0, abs=1.5)  # twelve metres later

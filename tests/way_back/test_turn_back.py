@@ -25,7 +25,7 @@ def crumbs(route_: Route) -> list[Crumb]:
 
 
 def first_turn_back(route_: Route) -> TurnBack | None:
-    detector = TurnBackDetector(12.0, 1.5)
+    detector = TurnBackDetector(12.0)
     return next((found for crumb in crumbs(route_) if (found := detector.advance(crumb))), None)
 
 
