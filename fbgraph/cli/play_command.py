@@ -51,7 +51,8 @@ def play(
 ) -> None:
     """Play a log as a device that `fbgraph online` follows, with faults on demand."""
     from fbgraph.core.bounded import parse_size
-    from fbgraph.readers import read_log
+    from fbgraph.readers import preset_of, read_log
+    from fbgraph.readers.canonical_csv import remark_of
     from fbgraph.readers.device_links import open_link
     from fbgraph.readers.played_log import faults_of
     from fbgraph.readers.played_log import play as played_to
@@ -61,7 +62,11 @@ def play(
     stopping = stop_on_signals()
     link = open_link(to, stopping, complain)
     complain(f"playing {file.log.span_s[1] / pace:.0f} s to {to}")
-    sent = played_to(file.log, link, faults, speed=pace, number=number, stop=stopping, tell=complain)
+    preset = preset_of(file)
+    if preset != "m5stickc" and not to.startswith("http"):
+        complain(f"it is a {preset}'s: follow it with fbgraph online --config {preset}")
+    remark = remark_of(file.log.format, preset) if preset != "m5stickc" else ""
+    sent = played_to(file.log, link, faults, speed=pace, number=number, remark=remark, stop=stopping, tell=complain)
     what = "samples" if to.startswith("http") else "rows"
     again = f", {sent.again} sent again" if number else ""
     say(f"{sent.rows} {what} played, {sent.lost} lost, {sent.late} late{again}")

@@ -172,7 +172,7 @@ def online(
             live,
             folder,
             inputs,
-            lambda: load_config(config or "m5stickc", set_),
+            lambda: load_config(config or ("phone" if source and source.startswith("http") else "m5stickc"), set_),
             lambda effective: _live_view(effective, view, connect),
             show,
             stopping,

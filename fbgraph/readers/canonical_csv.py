@@ -26,6 +26,11 @@ _NOTED = "converted by fbgraph from {format}; preset {preset}"
 _PRESET = re.compile(r"^converted by fbgraph from \w+; preset (phone|m5stickc)$")
 
 
+def remark_of(format_name: str, preset: str) -> str:
+    """The remark by which a converted log is smoothed as the log itself would be."""
+    return _NOTED.format(format=format_name, preset=preset)
+
+
 def noted_preset(remarks: Iterable[str]) -> Literal["phone", "m5stickc"] | None:
     """The configuration for the device whose log was converted, as a remark of the table says it; None if none does."""
     noted = next((found[1] for remark in remarks if (found := _PRESET.match(remark))), None)
@@ -57,7 +62,7 @@ def convert_log(log: SensorLog, truth: Checkpoints | None, preset: str, out: Pat
         if path.exists() and not force:
             raise ConfigError(f"{path}: is there already; --force replaces it")
     with whole_files(files, make_parents=True) as (log_to_be, *truth_to_be):
-        write_canonical_csv(log, log_to_be, _NOTED.format(format=log.format, preset=preset))
+        write_canonical_csv(log, log_to_be, remark_of(log.format, preset))
         if places is not None:
             write_places_csv(places, *truth_to_be)
     return files

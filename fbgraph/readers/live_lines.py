@@ -18,6 +18,7 @@ from fbgraph.core.errors import DataError
 from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.sensor_log import Event, SensorLog, Stream, empty_stream
 from fbgraph.readers.apply_layout import LayoutReader, find_column
+from fbgraph.readers.canonical_csv import noted_preset
 from fbgraph.readers.cleaning import LIMITS, MIN_PRESSURE_HPA
 from fbgraph.readers.decide import decide, with_expected
 from fbgraph.readers.formats import M5STICKC
@@ -172,7 +173,10 @@ class LiveReader:
             reading = Reading.as_told([table], self._layout)
         else:
             reading = decide([table], self._name)
-            reading = replace(reading, layout=with_expected(reading, [table]))
+            layout = with_expected(reading, [table])
+            if preset := noted_preset(dialect.remarks):
+                layout = layout.model_copy(update={"preset": preset})
+            reading = replace(reading, layout=layout)
         sampled = LayoutReader(reading.layout, self._name).read(table)
         if not (last or reading.sure or _told_enough(sampled.t_ns[sampled.good], sampled.values["acc"][sampled.good])):
             self.undecided = reading.judged.undecided or "what its sensors show is not sure yet"

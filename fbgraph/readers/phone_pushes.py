@@ -21,8 +21,11 @@ from typing import Any
 from fbgraph.columns.column_names import CANONICAL
 from fbgraph.core.errors import DataError
 from fbgraph.core.units import DEGREE_RAD, STANDARD_GRAVITY_M_S2
+from fbgraph.readers.canonical_csv import remark_of
 
 HEADER = "t_ns," + CANONICAL.partition(",")[2]
+REMARK = "# " + remark_of("sensor_logger", "phone")
+"""First line, by which ``smooth`` takes the configuration of phones (``canonical_csv.noted_preset``)."""
 MOST_BODY = 1 << 23
 """Bytes of a push: a minute of every sensor."""
 _WAITING = 32  # pushes that nobody took yet
@@ -120,7 +123,7 @@ class PushedRows:
                 rows.append(",".join(row))
         if rows and not self._headed:
             self._headed = True
-            rows.insert(0, HEADER)
+            rows[:0] = [REMARK, HEADER]
         return "".join(f"{row}\n" for row in rows).encode()
 
     def _fill(self, row: list[str], t_ns: int, name: str, numbers: tuple[float, ...], text: str) -> None:

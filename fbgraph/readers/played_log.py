@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -66,6 +66,7 @@ def play(
     *,
     speed: float,
     number: bool = False,
+    remark: str = "",
     stop: Stop = lambda: False,
     tell: Tell = lambda text: None,
 ) -> Played:
@@ -77,6 +78,7 @@ def play(
         faults: what goes wrong.
         speed: so many times as fast as it was measured; infinity for at once.
         number: number the lines, and send again what is asked for.
+        remark: sent before the header, from ``canonical_csv.remark_of``; none if empty.
         stop: asked whether to end here.
         tell: called with each new line that came back.
     """
@@ -86,14 +88,21 @@ def play(
             if isinstance(link, Pushes):
                 _push(log, link, speed, stop, played)
             else:
-                _send(log, link, faults, speed, stop, played, number, tell)
+                _send(device_lines(log, faults.restart_at_s, remark), link, faults, speed, stop, played, number, tell)
         except OSError as error:
             tell(f"nobody takes it any more: {error.strerror or error}")
     return played
 
 
 def _send(
-    log: SensorLog, link: Link, faults: Faults, speed: float, stop: Stop, played: Played, number: bool, tell: Tell
+    lines: Iterable[tuple[float, bytes]],
+    link: Link,
+    faults: Faults,
+    speed: float,
+    stop: Stop,
+    played: Played,
+    number: bool,
+    tell: Tell,
 ) -> None:
     chance = np.random.default_rng(faults.seed)
     walk = f"{chance.integers(1 << 16):04x}"
@@ -102,7 +111,7 @@ def _send(
         link.send(device.wire(FIRST_LINE.format(walk=walk).encode()))
     late: list[tuple[int, bytes]] = []  # after how many more rows, and what
     began = time.monotonic()
-    for t_s, line in device_lines(log, faults.restart_at_s):
+    for t_s, line in lines:
         _wait(began + t_s / speed, stop)
         if stop():
             return
@@ -178,12 +187,13 @@ class _Device:
         return bool(came)
 
 
-def device_lines(log: SensorLog, restart_at_s: float | None = None) -> Iterator[tuple[float, bytes]]:
+def device_lines(log: SensorLog, restart_at_s: float | None = None, remark: str = "") -> Iterator[tuple[float, bytes]]:
     """A log's canonical lines, each with its time in seconds since the first row; the header comes at -1.
 
     Args:
         log: any.
         restart_at_s: when the device starts again: it sends its header once more, and its clock begins at 0.
+        remark: before the header; none if empty.
     """
     with tempfile.TemporaryDirectory(prefix="fbgraph-") as folder:
         path = Path(folder) / "log.csv"
@@ -193,6 +203,8 @@ def device_lines(log: SensorLog, restart_at_s: float | None = None) -> Iterator[
     first = int(rows[0].partition(b",")[0])
     began = first
     restarts = restart_at_s is not None
+    if remark:
+        yield -1.0, f"# {remark}".encode()
     yield -1.0, header
     for row in rows:
         tick, _, values = row.partition(b",")

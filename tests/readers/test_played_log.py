@@ -18,11 +18,11 @@ import pytest
 
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.sensor_log import SensorLog
-from fbgraph.readers.canonical_csv import write_canonical_csv
+from fbgraph.readers.canonical_csv import noted_preset, write_canonical_csv
 from fbgraph.readers.device_links import open_link
 from fbgraph.readers.live_lines import LiveReader
 from fbgraph.readers.numbered_lines import in_order
-from fbgraph.readers.phone_pushes import HEADER, MOST_BODY, PushedRows
+from fbgraph.readers.phone_pushes import HEADER, MOST_BODY, REMARK, PushedRows
 from fbgraph.readers.played_log import Faults, Played, device_lines, faults_of, play
 from fbgraph.readers.sources import open_source
 from fbgraph.simulator.routes import load_route
@@ -138,10 +138,13 @@ def test_pushes_give_the_same_walk(log: SensorLog, canonical: bytes) -> None:
     got, sent, _ = received(spec, lambda: player(log, spec), lambda got: True)
     rows = [line.split(",") for line in canonical.decode().splitlines()[1:]]
     expected = [",".join((f"{row[0]}000000", *row[1:])) for row in rows]
-    assert got.decode().splitlines() == [HEADER, *expected]
+    assert got.decode().splitlines() == [REMARK, HEADER, *expected]
+    assert noted_preset([REMARK.removeprefix("# ")]) == "phone"
     assert sent.rows == len(log.acc) + len(log.gyro) + len(log.mag) + len(log.pressure) + len(log.events)
     of_device, of_phone = LiveReader("a"), LiveReader("b")
     one, other = of_device.push(canonical.decode().splitlines()), of_phone.push(got.decode().splitlines())
+    assert of_phone.reading is not None
+    assert of_phone.reading.layout.preset == "phone"
     assert np.array_equal(one.acc.values, other.acc.values)
     assert np.array_equal(one.gyro.t_s, other.gyro.t_s)
 
@@ -153,6 +156,12 @@ def test_a_device_that_restarts_begins_again_at_zero(log: SensorLog, canonical: 
     again = times.index(0, 1)
     assert times[again - 1] - times[0] < 5000 <= times[again - 1] - times[0] + 20
     assert len(times) == canonical.count(b"\n") - 1
+
+
+def test_a_remark_goes_before_all(log: SensorLog) -> None:
+    lines = [line for _, line in device_lines(log, None, "converted by fbgraph from ipin; preset phone")]
+    assert lines[0] == b"# converted by fbgraph from ipin; preset phone"
+    assert lines[1].startswith(b"t_ms,")
 
 
 def test_faults_are_checked() -> None:
@@ -179,7 +188,11 @@ def pushed(*items: dict[str, Any], rows: PushedRows) -> list[str]:
 
 def test_rows_are_in_order_of_time_across_sensors_and_pushes() -> None:
     rows = PushedRows()
-    assert pushed(sample("TotalAcceleration", 10, 0.0, 0.0, 9.80665), rows=rows) == [HEADER, "10,0,0,1,,,,,,,,,"]
+    assert pushed(sample("TotalAcceleration", 10, 0.0, 0.0, 9.80665), rows=rows) == [
+        REMARK,
+        HEADER,
+        "10,0,0,1,,,,,,,,,",
+    ]
     items = sample("totalacceleration", 30, 0.0, 9.80665, 0.0), sample("gyroscope", 20, 1.0, 0, 0)
     assert pushed(*items, rows=rows) == ["20,,,,57.2957795,0,0,,,,,,"]
     assert pushed(sample("gyroscope", 30, 0, 0, 0), sample("annotation", 25, text="a,b\n=1"), rows=rows) == [
@@ -213,7 +226,7 @@ def test_an_iphone_has_gravity_beside_acceleration_and_other_signs(ios: bool | N
     rows = PushedRows(told.append)
     rows.ios = ios
     items = [sample("accelerometer", 10, 0, 0, 0.0), sample("gravity", 10, 0, 0, 9.80665)]
-    assert pushed(*items, rows=rows)[1].split(",")[3] == sign
+    assert pushed(*items, rows=rows)[2].split(",")[3] == sign
     assert len(told) == (ios is None)
     alone = PushedRows(told.append)
     assert pushed(sample("accelerometer", 10, 0, 0, 0.0), rows=alone) == []
@@ -247,5 +260,5 @@ def test_one_phone_is_listened_to_and_bodies_are_bounded() -> None:
         assert posted(port, b"", MOST_BODY + 1)[0] == 413
         assert posted(port, json.dumps(push).encode()) == (200, "taken\n")
         assert posted(port, json.dumps({**push, "deviceId": "stray"}).encode()) == (409, "another phone is recorded\n")
-        assert next(data for data in source if data) == f"{HEADER}\n10,0,0,1,,,,,,,,,\n".encode()
+        assert next(data for data in source if data) == f"{REMARK}\n{HEADER}\n10,0,0,1,,,,,,,,,\n".encode()
         assert told == ["127.0.0.1 was turned away: the phone at 127.0.0.1 is recorded"]
