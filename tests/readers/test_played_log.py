@@ -142,7 +142,11 @@ def test_pushes_give_the_same_walk(log: SensorLog, canonical: bytes) -> None:
     assert noted_preset([REMARK.removeprefix("# ")]) == "phone"
     assert sent.rows == len(log.acc) + len(log.gyro) + len(log.mag) + len(log.pressure) + len(log.events)
     of_device, of_phone = LiveReader("a"), LiveReader("b")
-    one, other = of_device.push(canonical.decode().splitlines()), of_phone.push(got.decode().splitlines())
+    one, other = (
+        SensorLog.concatenate([reader.push(text.decode().splitlines()), reader.finish()])
+        for reader, text in ((of_device, canonical), (of_phone, got))
+    )
+    assert len(one.acc) == len(log.acc)
     assert of_phone.reading is not None
     assert of_phone.reading.layout.preset == "phone"
     assert np.array_equal(one.acc.values, other.acc.values)
