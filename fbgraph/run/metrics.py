@@ -211,8 +211,8 @@ def score(
 def _slope(t_s: FloatArray, errors_m: FloatArray) -> float | None:
     """Of the least-squares line of errors over time, metres a second; None if there is only one time."""
     since_s = t_s - t_s.mean()
-    square = float(since_s @ since_s)
-    return float(since_s @ errors_m) / square if square > 0.0 else None
+    square = float((since_s**2).sum())  # a product of vectors may warn of numbers beside them that are not theirs
+    return float((since_s * errors_m).sum()) / square if square > 0.0 else None
 
 
 @dataclass(frozen=True)
