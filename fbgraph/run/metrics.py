@@ -17,6 +17,7 @@ from fbgraph.way_back.turns import MIN_TURN_RAD, Turn, find_turns
 Alignment = Literal["start", "rigid", "none"]
 _LEG_M, _LEG_SIGMAS = 2.0, 8.0
 _MOST_M = 1e8  # any frame on Earth lies within
+_LATEST_S = 1e12  # the seconds of any clock do
 _TURN_STEPS, _TURN_RAD = 3.0, float(np.radians(30.0))  # how near a found turn must be to be the true one
 
 
@@ -120,6 +121,8 @@ def _places_at(
     if np.abs(truth.xy_m).max() > _MOST_M:
         raise DataError(f"{truth.source}: a place {np.abs(truth.xy_m).max():.3g} m from the origin is none on Earth")
     t_s = truth.t_s - t0_s
+    if np.abs(t_s).max() > _LATEST_S:
+        raise DataError(f"{truth.source}: a place at {truth.t_s[np.abs(t_s).argmax()]:.3g} s, which no clock shows")
     begin_s, end_s = log_s or (float(trajectory.t_s[0]), float(trajectory.t_s[-1]))
     inside_s = t_s[(t_s >= begin_s) & (t_s <= end_s)]
     # who stood still before the first step and after the last walked in between
@@ -211,8 +214,8 @@ def score(
 def _slope(t_s: FloatArray, errors_m: FloatArray) -> float | None:
     """Of the least-squares line of errors over time, metres a second; None if there is only one time."""
     since_s = t_s - t_s.mean()
-    square = float((since_s**2).sum())  # a product of vectors may warn of numbers beside them that are not theirs
-    return float((since_s * errors_m).sum()) / square if square > 0.0 else None
+    square = float(since_s @ since_s)
+    return float(since_s @ errors_m) / square if square > 0.0 else None
 
 
 @dataclass(frozen=True)
