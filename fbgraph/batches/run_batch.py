@@ -24,6 +24,7 @@ from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.tables import read_text
 from fbgraph.core.whole_writes import is_leftover
+from fbgraph.workers.processes import warm_up
 from fbgraph.workers.run_tasks import run_tasks
 
 if TYPE_CHECKING:
@@ -137,6 +138,8 @@ def run_batch(
     if options.config is None or not is_address(options.config):
         load_config(options.config, options.overrides)  # a wrong option is told before any log is read
     begun = time.monotonic()
+    if how.workers != 0 and how.scheduler is None:
+        warm_up(_PRELOAD)
     with held(out):
         before = _before(out, how.resume, options)
         found = find_logs(logs, tell) if logs else list(before)

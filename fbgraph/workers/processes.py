@@ -23,6 +23,13 @@ _MOST_TASKS = 200
 _MOST_BREAKS = 3
 
 
+def warm_up(modules: Sequence[str]) -> None:
+    """Let the process that workers are forked from import what they need, while this one does something else."""
+    with one_thread_each():
+        forkserver.set_forkserver_preload(list(modules))
+        forkserver.ensure_running()
+
+
 class LocalPool(Generic[Item, Value]):
     """So many processes, each with one item at a time. They are forked from one that has imported what they need."""
 
