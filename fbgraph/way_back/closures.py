@@ -13,6 +13,7 @@ from fbgraph.way_back.way_out import Outbound
 
 _AT_START_M, _LINGERS_M = 1.5, 3.5  # who has been so near to it for so long has arrived, and may walk on anywhere
 _NEAR_M = 2.0, 8.0
+_BESIDE_MOST_M = 2.0  # on the other side of a wide corridor nobody keeps his distance: told, but not tied
 _OUT_AGAIN_M = 5.0  # who walks out so far again is on another walk, perhaps beside this one
 
 
@@ -32,7 +33,7 @@ class ClosureMaker:
         self._across_m = across_m
         self._since_m = math.inf
         self._out_m = self._arrived_m = 0.0
-        self._over = False
+        self._over = abs(across_m) > _BESIDE_MOST_M
 
     def advance(self, k: int, length_m: float, match: Match) -> Closure | None:
         """The closure of breadcrumb ``k``, if its match is good enough and the last one is some way back."""

@@ -18,7 +18,7 @@ from fbgraph.way_back.way_out import field_of, level_length_m
 
 _FITS = 4.0  # an alignment worth weighing
 _REACH = 0.8  # share of it that the way out must have been retraced by: steps differ, and some are made on the spot
-_BEYOND_DOUBT = 1.5  # log odds: nine to two
+_BEYOND_DOUBT = 1.75  # log odds: six to one
 _BEYOND_DOUBT_TO_TIE = 2.5  # twelve to one: what is tied together changes the walk, and nobody is there to object
 _GRID_M = 0.5
 _SLACK_M = 3.0  # steps lost, or made on the spot, while turning

@@ -102,3 +102,9 @@ def test_a_closure_says_how_far_beside_it_is() -> None:
     found = ClosureMaker(OUTBOUND, CONFIG, across_m=1.4).advance(99, 0.5, match_at(steady_m=10.0))
     assert found is not None
     assert found.across_m == 1.4
+
+
+def test_a_way_back_more_than_two_metres_beside_is_not_tied() -> None:
+    for across_m, there in ((1.9, True), (-1.9, True), (2.1, False), (-2.1, False)):
+        found = ClosureMaker(OUTBOUND, CONFIG, across_m=across_m).advance(99, 0.5, match_at(steady_m=10.0))
+        assert (found is not None) == there
