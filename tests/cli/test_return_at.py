@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from support.commands import fbgraph, fbgraph_process
+from support.walking import route
 
 from fbgraph.core.sensor_log import Event
 from fbgraph.core.tum_files import read_tum
@@ -77,10 +78,11 @@ def broken_off(place: Path, like: Path, lines: list[str]) -> None:
     (place / "raw.csv").write_text("".join(lines))
 
 
-def test_a_walk_that_crashed_is_finished_without_its_device(walk: SimulatedWalk, tmp_path: Path) -> None:
+def test_a_walk_that_crashed_is_finished_without_its_device(tmp_path: Path) -> None:
     """And a replay lets no live walk go; the event that begins the way back has a name."""
     log = tmp_path / "walk.csv"
-    write_m5stickc_csv(replace(walk.log, events=(Event(20.0, "mark"), Event(46.0, "button"))), log)
+    there_and_back = simulate(route((0, 0), (12, 0, 12.0), (0, 0)), seed=4).log
+    write_m5stickc_csv(replace(there_and_back, events=(Event(8.0, "mark"), Event(19.0, "button"))), log)
     text = log.read_text().splitlines(keepends=True)
     broken = len(text) * 8 // 10
     whole, part = tmp_path / "whole", tmp_path / "part"
@@ -105,7 +107,7 @@ def test_a_walk_that_crashed_is_finished_without_its_device(walk: SimulatedWalk,
 
 def test_another_event_begins_no_way_back(walk: SimulatedWalk, tmp_path: Path) -> None:
     log = tmp_path / "walk.csv"
-    write_m5stickc_csv(walk.log.between(0.0, 30.0), log)
+    write_m5stickc_csv(walk.log.between(0.0, 15.0), log)
     done = online(log, "--return-at", "event:button", "--out", tmp_path / "run")
     assert "no event named button after walking began" in " ".join(done.stdout.split())
     assert "event:NAME" in online(log, "--return-at", "event:", "--out", tmp_path / "run", code=2).stderr
