@@ -13,6 +13,7 @@ by row of a log without clock, ``StartSampleID,Hour,Min,Sec,Lat,Lng``.
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from dataclasses import replace
@@ -54,6 +55,7 @@ _BY_NAME = {name: role for role, names in _ROLES.items() for name in names}
 _TIME = re.compile(r"(?:unix|epoch|utc)?(?:time|timestamp|datetime)(ns|us|ms|s)?")
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _MOST = {"lat": 90.0, "lon": 180.0}
+_FARTHEST_M = 1e11  # any frame on Earth lies within, in any unit
 
 
 def looks_like_places(names: list[str]) -> bool:
@@ -178,7 +180,10 @@ def _surveyed(table: pd.DataFrame, roles: dict[str, str], unit: str, source: str
     if len(lat_deg) and len(lon_deg) and np.isfinite((lat_deg[0], lon_deg[0])).all():
         where = Georeference(float(lat_deg[0]), float(lon_deg[0]))
         if metres:
-            where = where.moved(-float(columns["x_m"][0]), -float(columns["y_m"][0]))
+            east_m, north_m = float(columns["x_m"][0]), float(columns["y_m"][0])
+            if math.hypot(east_m, north_m) > _FARTHEST_M:
+                raise DataError(f"{source}: row 1 after the header: a place {east_m:g}, {north_m:g} m is none on Earth")
+            where = where.moved(-east_m, -north_m)
         else:
             lat_lon_deg = np.column_stack((lat_deg, lon_deg))
             columns["x_m"], columns["y_m"] = where.local_m(lat_lon_deg).T

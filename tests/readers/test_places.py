@@ -242,6 +242,13 @@ def test_a_time_that_no_clock_shows_is_none(tmp_path: Path) -> None:
     assert "1 without a place or time" in fixes.notices[0]
 
 
+def test_metres_beside_degrees_that_are_nowhere_on_earth_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "both.csv"
+    path.write_text("t_s,x_m,y_m,lat_deg,lon_deg\n0,1e200,0,49.4,11.1\n9,1e200,5,49.4,11.1\n")
+    with pytest.raises(DataError, match=r"both\.csv: row 1 after the header: a place 1e\+200, 0 m is none on Earth"):
+        read_checkpoints(path)
+
+
 def test_what_is_used_of_fixes(tmp_path: Path) -> None:
     rows = walked(100)
     rows[0], rows[99] = (*rows[0][:3], 60.0), (*rows[99][:3], 40.0)  # not yet, and no more, a good one
