@@ -27,7 +27,7 @@ from fbgraph.front_end.step_track import Step
 _WEAK = 0.3  # of the usual strength: a weaker rest of the field tells no direction
 _FAINT_UT = 5.0
 _TAIL = 1.0  # degrees of freedom of Student's t: most devices are calibrated, some are far from it
-_PAIRS = 41  # of readings, of which a variance is told
+_TRIPLES = 51  # of readings, of which a variance is told
 _MEDIAN_CHI2 = 0.4549364  # of one degree of freedom
 _ANYWHERE_RAD2 = math.pi**2 / 3.0  # variance of a compass that points anywhere
 H_X, H_Y, STRENGTH = range(3)
@@ -152,10 +152,10 @@ def scattered(
 ) -> CompassReadings:
     """Readings with standard deviations as large as their residuals show; none gets a smaller one.
 
-    Two residuals a correlation length apart differ by a variance of 2 σ² if they are free of each other, by less if
-    not: half of the square is seen of σ² at the least, whether the noise is white or of the place (the far end of their
-    variogram). The variance of a reading is the median around it, together with what was believed of it before: single
-    outliers are the robust loss's, but where iron is so near that the compass points anywhere, it is not believed.
+    Of three residuals a correlation length apart, a, b and c, a - 2b + c has a variance of 6 σ² if they are free of
+    each other, less if not, and nothing of a gyroscope that drifts, which is not the compass's fault. The variance of
+    a reading is the median around it, together with what was believed of it before: single outliers are the robust
+    loss's, but where iron is so near that the compass points anywhere, it is not believed.
 
     Args:
         readings: (N,) of them.
@@ -163,14 +163,16 @@ def scattered(
         distance_m: (N,) walked until there.
         config: of the graph.
     """
-    after = np.searchsorted(distance_m, distance_m + config.mag_correlation_m)
-    pairs = int(np.searchsorted(after, len(readings)))  # of which the second exists
-    if pairs < _PAIRS:
+    one = np.searchsorted(distance_m, distance_m + config.mag_correlation_m)
+    two = np.searchsorted(distance_m, distance_m + 2.0 * config.mag_correlation_m)
+    triples = int(np.searchsorted(two, len(readings)))  # of which the third exists
+    if triples < _TRIPLES:
         return readings
-    squares = 0.5 * wrap_angle(across_rad[after[:pairs]] - across_rad[:pairs]) ** 2
-    seen = median_filter(squares, size=_PAIRS, mode="nearest") / _MEDIAN_CHI2
-    middle = np.searchsorted(0.5 * (after[:pairs] + np.arange(pairs)), np.arange(len(readings)))
-    variance = 0.5 * (config.sigma_mag_rad**2 + seen[np.minimum(middle, pairs - 1)])
+    one, two = one[:triples], two[:triples]
+    bent = wrap_angle(across_rad[:triples] - 2.0 * across_rad[one] + across_rad[two])
+    seen = median_filter(bent**2 / 6.0, size=_TRIPLES, mode="nearest") / _MEDIAN_CHI2
+    middle = np.minimum(np.searchsorted(one, np.arange(len(readings))), triples - 1)
+    variance = 0.5 * (config.sigma_mag_rad**2 + seen[middle])
     own = np.maximum(readings.own_rad, np.sqrt(np.minimum(variance, _ANYWHERE_RAD2)))
     return replace(readings, own_rad=own, sigma_rad=readings.sigma_rad * own / readings.own_rad)
 

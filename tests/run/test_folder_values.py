@@ -123,7 +123,7 @@ def test_without_a_way_back_there_is_no_return_csv(tmp_path: Path) -> None:
 def test_run_files_are_these() -> None:
     assert {
         *("pdr.tum", "ekf.tum", "smoothed.tum", "online.tum", "breadcrumbs.csv", "summary.json", "config.toml"),
-        *("recording.rrd", "raw.csv", "layout.toml", "return.csv", "truth.tum"),
+        *("recording.rrd", "raw.csv", "layout.toml", "return.csv", "truth.tum", "batch.json"),
     } == RUN_FILES
 
 

@@ -226,6 +226,7 @@ def test_json_holds_every_value() -> None:
         "start_m": [0.0, 0.0, 0.0],
         "arrival": "You are at the end of the walk, at “lift”.",
         "integrity": {"verdict": "sound", "widened": 1.0, "reasons": []},
+        "left_out": [],
     }
     assert first == {
         "leg": 1,
