@@ -116,7 +116,8 @@ def damage(values: NDArray[Any]) -> str:
     if len(values) < 3 or (values.min() > -1e8 and values.max() < 1e8):
         return ""
     ticks = np.abs(values.astype(float))
-    if np.median(ticks) < 1e8 or not _are_short(runs_of(ticks)) or not _are_short(ticks):
+    middle = np.quantile(ticks, 0.5, method="lower")  # the mean of two may be beyond any number
+    if middle < 1e8 or not _are_short(runs_of(ticks)) or not _are_short(ticks):
         return ""
     if distinct(ticks) > len(ticks) / 5:
         return ""

@@ -258,7 +258,8 @@ def _own_clock(table: pd.DataFrame, name: str, unit: str, elapsed_s: FloatArray 
     for tick_s in (1.0, 1e-3, 1e-6, 1e-9):
         if EPOCH_S[0] <= middle * tick_s <= EPOCH_S[1]:
             return np.asarray(ticks * tick_s)
-    steps = np.abs(np.diff(ticks))
+    with np.errstate(invalid="ignore", over="ignore"):  # infinite times are told where all are looked at
+        steps = np.abs(np.diff(ticks))
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
     aim_s = 1.0
     if elapsed_s is not None and (between := np.abs(np.diff(elapsed_s)[steps > 0.0])).any():
