@@ -56,7 +56,7 @@ def test_turns_are_those_of_the_route(perfect_walks: dict[str, tuple[SimulatedWa
 
 
 def test_errors_are_what_the_covariance_says() -> None:
-    """Normalised error (error / σ, per axis) over 16 seeds: rms between 0.7 and 1.4.
+    """Normalised error (error / σ, per axis) over 16 seeds: rms between 0.65 and 1.4.
 
     Of altitude it may be less: its σ allows for a weather of 1 hPa an hour, the simulator's is kinder.
     """
@@ -73,7 +73,7 @@ def test_errors_are_what_the_covariance_says() -> None:
             normalised[axis].append(error[2:] / s[2:])
     for axis, values in normalised.items():
         rms = np.sqrt((np.concatenate(values) ** 2).mean())
-        assert (0.3 if axis == "z" else 0.7) < rms < 1.4, f"{axis}: {rms:.2f}"
+        assert (0.3 if axis == "z" else 0.65) < rms < 1.4, f"{axis}: {rms:.2f}"
 
 
 def test_a_turned_route_gives_the_turned_walk() -> None:
