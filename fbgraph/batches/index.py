@@ -93,9 +93,8 @@ def read_index(batch: str) -> pd.DataFrame:
         path = fetched(joined(batch, INDEX), Path(folder))
         try:
             frame = pd.read_parquet(path)
-            known = {name: frame[name].astype(kind) for name, kind in COLUMNS.items()}  # type: ignore[call-overload]
+            return frame[list(COLUMNS)].astype(COLUMNS)
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise DataError(
                 f"{batch}: {INDEX} is damaged, or of another fbgraph ({error}); --resume writes it"
             ) from error
-    return pd.DataFrame(known)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 MANIFEST = "manifest.csv"
 OPTIONS = "options.json"
 _BATCH_FILES = {RUNS, MANIFEST, OPTIONS, INDEX, INDEX_CSV, "report.html", "compared.html"}
-_PRELOAD = ("fbgraph.batches.smooth_one",)
+_PRELOAD = ("fbgraph.batches.smooth_one", "pandas")  # which reading needs
 TIMEOUT_S = 3600.0
 """Of one log, if nothing else is said: a day's walk takes half of it."""
 

@@ -12,8 +12,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import pandas  # noqa: F401 reading needs it: processes that are forked have it then
-
 from fbgraph import __version__
 from fbgraph.batches.index_row import row_of
 from fbgraph.batches.log_entry import RUNS, BatchTask
@@ -107,9 +105,11 @@ def _inputs(task: BatchTask, scratch: Path) -> tuple[RunInputs, RunInputs, str |
         here["building"],
         options.building_axis,
     )
-    kept = {name: places[name] for name in _FILES if is_address(places[name] or "")}
     config = places["config"] if here["config"] is None else str(here["config"])
-    return local, replace(local, **kept), config  # type: ignore[arg-type]
+    log, truth, anchors, layout, building = (
+        places[name] if is_address(places[name] or "") else getattr(local, name) for name in _FILES
+    )
+    return local, replace(local, log=log, truth=truth, anchors=anchors, layout=layout, building=building), config
 
 
 @contextmanager

@@ -141,6 +141,10 @@ BuildingAxisOption = Annotated[
         "SIGMA is given. Refused where the walk's legs contradict it. Example: --building-axis 70,2",
     ),
 ]
+OutAndBackOption = Annotated[
+    bool,
+    typer.Option("--out-and-back/--no-out-and-back", help="Look for a turn-back; tie the way back to the way out."),
+]
 OriginOption = Annotated[
     str | None, typer.Option("--origin", metavar="LAT,LON", help="Where on Earth the walk began, in degrees.")
 ]

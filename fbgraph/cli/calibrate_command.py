@@ -113,10 +113,12 @@ def _print(found: Calibration) -> None:
     for one in wearer.coefficients:
         if one.value == one.shipped == 0.0:
             continue
-        how = "fitted" if one.fitted else "kept, in proportion"
+        how = "fitted" if one.fitted else "in proportion"
         rows.append([one.key, f"{one.value:.3f}", f"{one.low:.3f} to {one.high:.3f}", f"{one.shipped:.3f}", how])
     print_table(["step_length", "value", "95 %", "as it was", "how"], rows)
     say(_checked(wearer))
+    if not wearer.better:
+        say("not used: the step length stays as it was, for the fit does no better on what it had not seen")
     say(
         f"steps of {wearer.hz[0]:.2f} to {wearer.hz[1]:.2f} a second, surge {wearer.surge_m_s[0]:.2f} to "
         f"{wearer.surge_m_s[1]:.2f} m/s; walks outside that are told"

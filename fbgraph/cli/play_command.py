@@ -53,14 +53,14 @@ def play(
     from fbgraph.core.bounded import parse_size
     from fbgraph.readers import preset_of, read_log
     from fbgraph.readers.canonical_csv import remark_of
-    from fbgraph.readers.device_links import open_link
+    from fbgraph.readers.device_links import open_device
     from fbgraph.readers.played_log import faults_of
     from fbgraph.readers.played_log import play as played_to
 
     faults, pace = faults_of(to, lose, reorder, restart_at, number, seed), parse_speed(speed)
     file = read_log(log, format_, None if max_size is None else parse_size(max_size), layout=layout, rate_hz=rate)
     stopping = stop_on_signals()
-    link = open_link(to, stopping, complain)
+    link = open_device(to, stopping, complain)
     complain(f"playing {file.log.span_s[1] / pace:.0f} s to {to}")
     preset = preset_of(file)
     if preset != "m5stickc" and not to.startswith("http"):

@@ -38,10 +38,10 @@ class Link(Protocol):
 
 
 def open_link(spec: str, stop: Stop, tell: Tell) -> Link:
-    """The link that ``--to`` names; of TCP and HTTP somebody is waited for who listens.
+    """The link of that name; of TCP somebody is waited for who listens.
 
     Args:
-        spec: ``pty``, ``serial:PORT[@BAUD]``, ``udp://HOST:PORT``, ``tcp://HOST:PORT`` or ``http://HOST:PORT``.
+        spec: ``pty``, ``serial:PORT[@BAUD]``, ``udp://HOST:PORT`` or ``tcp://HOST:PORT``.
         stop: asked meanwhile whether to give up.
         tell: called with what is waited for.
 
@@ -53,16 +53,26 @@ def open_link(spec: str, stop: Stop, tell: Tell) -> Link:
         return _Pty(stop, tell)
     if spec.startswith("serial:"):
         return _Serial(*serial_port(spec, "--to"))
+    kind, place = _addressed(spec, ("udp", "tcp"))
+    return _Udp(place) if kind == "udp" else _Tcp(place, stop, tell)
+
+
+def open_device(spec: str, stop: Stop, tell: Tell) -> Link | Pushes:
+    """What ``play --to`` names: a link, or ``http://HOST:PORT``, to which a phone pushes; errors as ``open_link``."""
+    if spec.startswith("http://"):
+        return Pushes(_addressed(spec, ("http",))[1], stop, tell)
+    return open_link(spec, stop, tell)
+
+
+def _addressed(spec: str, kinds: tuple[str, ...]) -> tuple[str, tuple[str, int]]:
+    """Kind, host and port of a place in the network."""
     kind, slashes, address = spec.partition("://")
     host, _, port = address.rstrip("/").rpartition(":")
-    if kind not in ("udp", "tcp", "http") or not slashes or not port.isdecimal() or not 0 < int(port) < 65536:
+    if kind not in kinds or not slashes or not port.isdecimal() or not 0 < int(port) < 65536:
         raise ConfigError(
             f"{spec}: expected pty, serial:PORT[@BAUD], udp://HOST:PORT, tcp://HOST:PORT or http://HOST:PORT"
         )
-    place = host.strip("[]") or "127.0.0.1", int(port)
-    if kind == "udp":
-        return _Udp(place)
-    return _Tcp(place, stop, tell) if kind == "tcp" else Pushes(place, stop, tell)
+    return kind, (host.strip("[]") or "127.0.0.1", int(port))
 
 
 class _Udp:
@@ -143,16 +153,8 @@ class Pushes:
         if answer.status != 200:
             raise OSError(f"{answer.status} {said}")
 
-    def send(self, data: bytes) -> None:
-        """As a link: a phone sends no lines."""
-        raise NotImplementedError
-
-    def received(self) -> bytes:
-        """As a link: nothing comes back."""
-        return b""
-
     def close(self) -> None:
-        """As a link: each push was a connection of its own."""
+        """Each push was a connection of its own."""
 
 
 class _Serial:

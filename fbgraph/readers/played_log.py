@@ -61,7 +61,7 @@ class Played:
 
 def play(
     log: SensorLog,
-    link: Link,
+    link: Link | Pushes,
     faults: Faults,
     *,
     speed: float,
@@ -74,7 +74,7 @@ def play(
 
     Args:
         log: any.
-        link: from ``device_links.open_link``; of ``http://`` it takes no faults and no numbers.
+        link: from ``device_links.open_device``; of ``http://`` it takes no faults and no numbers.
         faults: what goes wrong.
         speed: so many times as fast as it was measured; infinity for at once.
         number: number the lines, and send again what is asked for.

@@ -19,7 +19,7 @@ import pytest
 from fbgraph.core.errors import ConfigError
 from fbgraph.core.sensor_log import SensorLog
 from fbgraph.readers.canonical_csv import noted_preset, write_canonical_csv
-from fbgraph.readers.device_links import open_link
+from fbgraph.readers.device_links import open_device
 from fbgraph.readers.live_lines import LiveReader
 from fbgraph.readers.numbered_lines import in_order
 from fbgraph.readers.phone_pushes import HEADER, MOST_BODY, REMARK, PushedRows
@@ -65,7 +65,7 @@ def received(spec: str, send: Callable[[], Played], until: Callable[[bytes], boo
 
 
 def player(log: SensorLog, spec: str, speed: float = np.inf, number: bool = False, **faults: Any) -> Played:
-    link = open_link(spec, lambda: False, lambda text: None)
+    link = open_device(spec, lambda: False, lambda text: None)
     return play(log, link, Faults(**faults), speed=speed, number=number)
 
 
@@ -84,7 +84,7 @@ def test_a_pseudo_terminal_is_a_serial_port(log: SensorLog, canonical: bytes) ->
         said.append(text.split("serial:")[1].split(" ")[0])
         found.set()
 
-    playing = threading.Thread(target=lambda: play(log, open_link("pty", over.is_set, tell), Faults(), speed=np.inf))
+    playing = threading.Thread(target=lambda: play(log, open_device("pty", over.is_set, tell), Faults(), speed=np.inf))
     playing.start()
     assert found.wait(10.0)
     told: list[str] = []
@@ -179,7 +179,7 @@ def test_faults_are_checked() -> None:
             faults_of(*arguments)
     for spec in ("carrier-pigeon", "tcp://:0", "serial:"):
         with pytest.raises(ConfigError, match="expected"):
-            open_link(spec, lambda: True, lambda text: None)
+            open_device(spec, lambda: True, lambda text: None)
 
 
 def sample(name: str, t_ns: int, *values: float, **more: str) -> dict[str, Any]:
