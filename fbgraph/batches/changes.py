@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
 
 from fbgraph.batches.index_row import DONE, ESTIMATORS
 from fbgraph.batches.statistics import Estimate, best_rmse_m, mean_of
@@ -83,6 +82,8 @@ def _metres(frame: pd.DataFrame, name: str) -> FloatArray:
 
 
 def _paired(name: str, before_m: FloatArray, after_m: FloatArray) -> PairedErrors | None:
+    from scipy import stats  # takes a second
+
     known = np.isfinite(before_m) & np.isfinite(after_m)
     before_m, after_m = before_m[known], after_m[known]
     if not known.any():

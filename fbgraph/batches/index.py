@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory, TemporaryFile
 from typing import TYPE_CHECKING, Any
 
 from fbgraph.batches.index_row import COLUMNS
+from fbgraph.batches.log_entry import MANIFEST
 from fbgraph.batches.places import fetched, joined, names_at, written_file
 from fbgraph.core.errors import DataError
 from fbgraph.core.safe_text import for_csv, visible
@@ -87,7 +88,7 @@ def read_index(batch: str) -> pd.DataFrame:
 
     there = names_at(batch) if "://" in batch or Path(batch).is_dir() else set()
     if INDEX not in there:
-        begun = "a batch that has not come to its end: go on with --resume" if "manifest.csv" in there else "no batch"
+        begun = "a batch that has not come to its end: go on with --resume" if MANIFEST in there else "no batch"
         raise DataError(f"{batch}: {begun} (no {INDEX} there); `fbgraph batch LOGS… --out DIR` makes one")
     with TemporaryDirectory(prefix="fbgraph-") as folder:
         path = fetched(joined(batch, INDEX), Path(folder))

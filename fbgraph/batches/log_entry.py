@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
+from pathlib import Path
 from typing import Any
+
+from fbgraph.core.georeference import Georeference
+from fbgraph.run.inputs import RunInputs
 
 RUNS = "runs"
 """Folder of the run folders of a batch."""
+MANIFEST, OPTIONS = "manifest.csv", "options.json"
+"""Files of a batch: its logs, and what was said of all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +58,28 @@ class BatchOptions:
     building: str | None = None
     building_axis: str | None = None
     recording: bool = True
+
+    def inputs(self, **files: Path | None) -> RunInputs:
+        """As of a walk with these ``log``, ``truth``, ``anchors``, ``layout`` and ``building``.
+
+        Raises:
+            ConfigError: what cannot be meant.
+        """
+        return RunInputs.of(
+            files.get("log"),
+            self.format,
+            files.get("truth"),
+            files.get("anchors"),
+            self.closed_walk,
+            None if self.origin is None else Georeference(*self.origin),
+            self.max_size,
+            self.forced,
+            self.use_gnss,
+            files.get("layout"),
+            self.rate_hz,
+            files.get("building"),
+            self.building_axis,
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -6,6 +6,7 @@ import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
+from fbgraph.batches.log_entry import MANIFEST, OPTIONS
 from fbgraph.columns.column_names import guess_columns
 from fbgraph.core.bounded import Allowance, file_blocks, unpacked
 from fbgraph.core.errors import DataError
@@ -85,13 +86,16 @@ def logs_in_zip(path: Path) -> list[str]:
             names = [one.filename for one in archive.infolist() if not one.is_dir() and may_be_log(one.filename)]
 
             def head(name: str) -> bytes:
-                with archive.open(name) as stream:
-                    return next(unpacked(stream, name, Allowance.of(None)), b"")[:_HEAD_BYTES]
+                try:
+                    with archive.open(name) as stream:
+                        return next(unpacked(stream, name, Allowance.of(None)), b"")[:_HEAD_BYTES]
+                except (zipfile.BadZipFile, OSError, DataError, RuntimeError):
+                    return b""  # encrypted, damaged, packed in a way that is not known: who reads it says so
 
             if len(names) < 2 or is_recording(names, head) is not False:
                 return []
             return names
-    except (zipfile.BadZipFile, OSError, DataError, RuntimeError, NotImplementedError):
+    except (zipfile.BadZipFile, OSError):
         return []  # who reads it says what is wrong
 
 
@@ -106,10 +110,9 @@ def logs_in_folder(folder: Path) -> Iterator[Path]:
     except OSError as error:
         raise DataError(f"{folder}: {error.strerror or error}; check the path") from error
     files = {one.name: one for one in inside if one.is_file() and may_be_log(one.name)}  # a pipe would be waited for
-    recording = is_recording(list(files), lambda name: head_of(files[name]))
-    if SUMMARY in files or {"manifest.csv", "options.json"} <= set(files):  # a run or batch, whose logs are elsewhere
+    if SUMMARY in files or {MANIFEST, OPTIONS} <= set(files):  # a run or batch, whose logs are elsewhere
         return
-    if recording:
+    if is_recording(list(files), lambda name: head_of(files[name])):
         yield folder
         return
     for one in inside:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -51,6 +53,8 @@ def file_system(place: str) -> tuple[Any, str]:
         raise ConfigError(f"{place}: {error}") from error
     except FileNotFoundError as error:
         raise DataError(f"{place}: no such file") from error
+    except zipfile.BadZipFile as error:
+        raise DataError(f"{place}: the zip is truncated or damaged ({error}); copy it again") from error
     return found
 
 
@@ -96,8 +100,10 @@ def fetched(place: str, folder: Path, max_size: int | None = None) -> Path:
                     out.write(block)
     except FileNotFoundError as error:
         raise DataError(f"{place}: no such file") from error
-    except (RuntimeError, NotImplementedError) as error:  # what a zip says of an encrypted file
-        raise DataError(f"{place}: {error}") from error
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
+        if not place.startswith("zip://"):
+            raise
+        raise DataError(f"{place}: truncated, damaged, encrypted or packed in a way not known ({error})") from error
     return here
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,22 +15,20 @@ from typing import TYPE_CHECKING, Any
 from fbgraph import __version__
 from fbgraph.batches.index import INDEX, INDEX_CSV, Rows, index_frame, write_index
 from fbgraph.batches.index_row import DONE, failed_row
-from fbgraph.batches.log_entry import RUNS, BatchOptions, BatchTask, LogEntry
+from fbgraph.batches.log_entry import MANIFEST, OPTIONS, RUNS, BatchOptions, BatchTask, LogEntry
 from fbgraph.batches.manifest import manifest_text, read_manifest
 from fbgraph.batches.places import fetched, held, is_address, joined, names_at, settled, written_file
 from fbgraph.batches.which_logs import Tell, find_logs, named_entries
 from fbgraph.core.config import load_config
 from fbgraph.core.errors import ConfigError, DataError
 from fbgraph.core.tables import read_text
-from fbgraph.core.whole_writes import is_leftover
+from fbgraph.core.whole_writes import clear_leftovers_in, is_leftover
 from fbgraph.workers.processes import warm_up
 from fbgraph.workers.run_tasks import run_tasks
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MANIFEST = "manifest.csv"
-OPTIONS = "options.json"
 _BATCH_FILES = {RUNS, MANIFEST, OPTIONS, INDEX, INDEX_CSV, "report.html", "compared.html"}
 _PRELOAD = ("fbgraph.batches.smooth_one", "pandas")  # which reading needs
 TIMEOUT_S = 3600.0
@@ -137,6 +134,10 @@ def run_batch(
     options, how, out = _lasting(options or BatchOptions()), how or HowToRun(), settled(out)
     if options.config is None or not is_address(options.config):
         load_config(options.config, options.overrides)  # a wrong option is told before any log is read
+    building = None if options.building is None or is_address(options.building) else Path(options.building)
+    inputs = options.inputs(building=building)
+    if building is not None or options.building is None:
+        inputs.building_told()
     begun = time.monotonic()
     if how.workers != 0 and how.scheduler is None:
         warm_up(_PRELOAD)
@@ -250,10 +251,4 @@ def _clear(out: str) -> None:
     folder = Path(out, RUNS)
     if is_address(out) or not folder.is_dir():
         return
-    for entry in folder.iterdir():
-        if not is_leftover(entry.name):
-            continue
-        if entry.is_dir() and not entry.is_symlink():
-            shutil.rmtree(entry, ignore_errors=True)
-        else:
-            entry.unlink(missing_ok=True)
+    clear_leftovers_in(folder)

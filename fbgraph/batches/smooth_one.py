@@ -17,7 +17,6 @@ from fbgraph.batches.index_row import row_of
 from fbgraph.batches.log_entry import RUNS, BatchTask
 from fbgraph.batches.places import fetched, is_address, joined, names_at, put_folder, version_of
 from fbgraph.core.errors import DataError, FbgraphError
-from fbgraph.core.georeference import Georeference
 from fbgraph.core.tables import read_text
 from fbgraph.pipeline import read_walk, reconstruct, write_files
 from fbgraph.run.digests import SUMMARY
@@ -90,22 +89,8 @@ def _inputs(task: BatchTask, scratch: Path) -> tuple[RunInputs, RunInputs, str |
         (folder := scratch / name).mkdir()
         away = place is not None and (name != "config" or is_address(place))
         here[name] = fetched(place, folder, options.max_size) if place is not None and away else None
-    local = RunInputs.of(
-        here["log"],
-        options.format,
-        here["truth"],
-        here["anchors"],
-        options.closed_walk,
-        None if options.origin is None else Georeference(*options.origin),
-        options.max_size,
-        options.forced,
-        options.use_gnss,
-        here["layout"],
-        options.rate_hz,
-        here["building"],
-        options.building_axis,
-    )
     config = places["config"] if here["config"] is None else str(here["config"])
+    local = options.inputs(**{name: here[name] for name in _FILES})
     log, truth, anchors, layout, building = (
         places[name] if is_address(places[name] or "") else getattr(local, name) for name in _FILES
     )

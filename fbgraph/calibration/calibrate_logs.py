@@ -100,6 +100,8 @@ def calibrate(
 def _configuration(config: str | Path | Config | None, presets: dict[str, str], overrides: Sequence[str]) -> Config:
     """The one that is named; else that of the logs' device, which is the same for all."""
     if isinstance(config, Config):
+        if overrides:
+            raise ConfigError("overrides go with a preset or a file; change a Config with model_copy")
         return config
     if config is None and len(presets) > 1:
         named = ", ".join(f"{name} of {log}" for name, log in presets.items())

@@ -92,13 +92,9 @@ def batch(
     from fbgraph.batches.run_batch import HowToRun, run_batch
     from fbgraph.core.bounded import parse_size
     from fbgraph.core.georeference import parse_origin
-    from fbgraph.run.inputs import RunInputs
 
     where = None if origin is None else parse_origin(origin)
     most = None if max_size is None else parse_size(max_size)
-    known = building, building_axis
-    inputs = RunInputs.of(None, format_, None, None, closed_loop, where, most, force, use_gnss, layout, rate, *known)
-    inputs.building_told()  # what is wrong is told at once
     options = BatchOptions(
         config=config,
         overrides=(*(set_ or ()), *(() if out_and_back else ("returning.out_and_back=false",))),

@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from io import UnsupportedOperation
+from lzma import LZMAError
 from pathlib import Path
 from typing import Protocol
 
@@ -141,21 +142,21 @@ def unpacked(stream: Readable, name: object, allowed: Allowance, expected: int =
         expected: how many bytes it is known to hold; too many are refused before they are read.
 
     Raises:
-        DataError: a damaged or truncated .gz, or more than allowed.
+        DataError: a damaged or truncated .gz or entry of a zip, or more than allowed.
     """
-    source = _Counted(stream)
-    packed = source.begins(b"\x1f\x8b")
-    reader: Readable = gzip.GzipFile(mode="rb", fileobj=source) if packed else source
-    size = 0
-    if not packed:
-        allowed.refuse(name, expected, None)
+    source, packed, size = _Counted(stream), False, 0
     try:
+        packed = source.begins(b"\x1f\x8b")
+        reader: Readable = gzip.GzipFile(mode="rb", fileobj=source) if packed else source
+        if not packed:
+            allowed.refuse(name, expected, None)
         while block := reader.read(BLOCK_BYTES):
             size += len(block)
             allowed.refuse(name, size, source.taken if packed else None)
             yield block
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise DataError(f"{name}: the .gz is truncated or damaged ({error}); copy it again") from error
+    except (EOFError, zlib.error, LZMAError, gzip.BadGzipFile) as error:
+        what = "the .gz is " if packed else ""  # else an entry of a zip
+        raise DataError(f"{name}: {what}truncated or damaged ({error}); copy it again") from error
 
 
 class _Counted:

@@ -113,11 +113,12 @@ class Trajectory:
         }
         return Trajectory(**known)
 
-    def turned(self, angle_rad: float) -> Trajectory:
-        """The same walk turned about its first breadcrumb, counter-clockwise, its covariance with it."""
+    def turned(self, angle_rad: float, about_m: FloatArray | None = None) -> Trajectory:
+        """The same walk, its covariance too, turned counter-clockwise about a place, its first breadcrumb if None."""
+        pivot_m = self.xy_m[0] if about_m is None else about_m
         c, s = np.cos(angle_rad), np.sin(angle_rad)
         turn = np.array([[c, -s], [s, c]])
-        x_m, y_m = turn @ (self.xy_m - self.xy_m[0]).T + self.xy_m[0][:, None]
+        x_m, y_m = turn @ (self.xy_m - pivot_m).T + pivot_m[:, None]
         cov = self.cov_xy_yaw
         if cov is not None:  # by blocks: those of place and yaw may be unknown
             cov = cov.copy()

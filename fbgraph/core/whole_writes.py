@@ -213,6 +213,14 @@ def _clear_leftovers(place: Path) -> None:
             shutil.rmtree(entry, ignore_errors=True)
 
 
+def clear_leftovers_in(folder: Path) -> None:
+    """Remove what dead processes left beside the places of a folder; what another process holds stays."""
+    names = {one.name[1:].partition(f".{_OURS}-")[0] for one in folder.iterdir() if is_leftover(one.name)}
+    for name in names:
+        with suppress(ConfigError), locked(folder / name, make_parents=False):
+            pass
+
+
 def is_leftover(name: str) -> bool:
     """Whether a name is that of a lock, or of something that was being written when its process died."""
     return name.startswith(".") and f".{_OURS}-" in name

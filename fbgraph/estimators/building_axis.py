@@ -25,7 +25,7 @@ import numpy as np
 from fbgraph.core.aids import Aids, WalkAxis
 from fbgraph.core.building import QUARTER_RAD
 from fbgraph.core.config import GraphConfig
-from fbgraph.core.geometry import FloatArray, IntArray, turned
+from fbgraph.core.geometry import FloatArray, IntArray
 from fbgraph.core.trajectory import Trajectory
 from fbgraph.core.verdict import Reason
 from fbgraph.estimators.estimates import AxisFit, Residuals, Smoothed
@@ -226,14 +226,10 @@ def turned_walk(
         sigma_mount_rad: of the turn as the covariance has it, about the pivot; what the turn's own replaces.
         sigma_rad: how well the turn is known; None to leave the covariance as wide as it was.
     """
-    from_m = turned(walk.xy_m - pivot_m, turn_rad)
-    cov = walk.cov_xy_yaw
-    if cov is not None:
-        whole = np.eye(3)
-        whole[:2, :2] = [[math.cos(turn_rad), -math.sin(turn_rad)], [math.sin(turn_rad), math.cos(turn_rad)]]
-        cov = whole @ cov @ whole.T
-        if sigma_rad is not None:
-            swung = np.column_stack((-from_m[:, 1], from_m[:, 0], np.ones(len(walk))))
-            cov = cov + (sigma_rad**2 - sigma_mount_rad**2) * swung[:, :, None] * swung[:, None, :]
-    xy_m = from_m + pivot_m
-    return replace(walk, x_m=xy_m[:, 0], y_m=xy_m[:, 1], yaw_rad=walk.yaw_rad + turn_rad, cov_xy_yaw=cov)
+    laid = walk.turned(turn_rad, pivot_m)
+    if laid.cov_xy_yaw is None or sigma_rad is None:
+        return laid
+    x_m, y_m = (laid.xy_m - pivot_m).T
+    swung = np.column_stack((-y_m, x_m, np.ones(len(laid))))
+    more = (sigma_rad**2 - sigma_mount_rad**2) * swung[:, :, None] * swung[:, None, :]
+    return replace(laid, cov_xy_yaw=laid.cov_xy_yaw + more)

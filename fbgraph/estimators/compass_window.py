@@ -176,7 +176,7 @@ class CompassWindow:
         if not heard:
             return []
         k = np.array([k for k, _ in heard])
-        stretch = np.maximum(np.searchsorted(self._starts, k, side="right") - 1, 0)
+        stretch = np.searchsorted(self._starts, k, side="right") - 1
         readings = CompassReadings.of([reading for _, reading in heard])
         iron_ut = np.array([made_ut[j] for j in stretch])
         return list(compass_factors(k, readings, np.array(yaw_rad), stretch, iron_ut, self._config))

@@ -23,7 +23,7 @@ of the field, one for each stretch between recalibrations of the magnetometer:
     aside           L(0)                ~0 for a way back, Cauchy            PriorFactorDouble
 
 A Pose2's yaw is additive in its tangent space, so the linear heading factor is exact, not an approximation. The compass
-is robust by weights that are computed beforehand (``heading_chain``, Huber): GTSAM has no robust linear factor.
+is robust by weights and sigmas that are computed beforehand (``heading_chain``): GTSAM has no robust linear factor.
 """
 
 from __future__ import annotations

@@ -12,7 +12,9 @@ between recalibrations of the magnetometer its hard iron and usual horizontal st
 
 These are the graph's own factors. Gauss-Newton with iteratively reweighted least squares; the normal equations are
 banded but for the few unknowns of the whole walk, which are eliminated last (Golub and Van Loan, Matrix Computations,
-4.3).
+4.3). Then the compass is believed only as far as it agrees with the gyroscope (``compass.scattered``): where its
+residuals scatter by more than its sigma, that is widened, and heading is solved again. Of a whole walk only: what the
+online smoother makes of a reading keeps its sigma.
 """
 
 from __future__ import annotations
@@ -60,7 +62,7 @@ class HeadingSolution:
         iron_ut: (J, 3) hard iron and usual horizontal strength of each stretch between recalibrations.
         stretch: (K+1,) which stretch each breadcrumb belongs to.
         jumps_ut: (J-1, 3) by how much the iron jumped between them.
-        readings: of the compass, at breadcrumbs where there is one.
+        readings: of the compass, at breadcrumbs where there is one, with sigmas as they were believed at last.
         usual_ut: median horizontal strength of the field.
         cost: half the robust sum of squares, priors included.
     """
@@ -168,15 +170,13 @@ class HeadingChain:
     def as_scattered(self, solution: HeadingSolution) -> HeadingSolution:
         """The answer with the compass believed as far as it agrees with the gyroscope, where that is less."""
         for _ in range(_RELOOKS):
-            if len(self._known) == 0:
-                break
             iron_ut = solution.iron_ut[self._stretch[self._known]]
             off = compass_residuals(self._nominal, solution.yaw_rad[self._known], iron_ut, self._config)
-            self._compass = scattered(self._nominal, off.across_rad, self._distance_m[self._known], self._config)
-            if np.all(self._compass.own_rad < _NOTABLE * self._nominal.own_rad):
-                self._compass = self._nominal
+            doubted = scattered(self._nominal, off.across_rad, self._distance_m[self._known], self._config)
+            if np.all(doubted.own_rad < _NOTABLE * self._nominal.own_rad):
                 break
-            solution = self.improved(replace(solution, readings=self._compass), _MOST)
+            self._compass = doubted
+            solution = self.improved(replace(solution, readings=doubted), _MOST)
         return solution
 
     def _add_gyroscope(self, system: _System, at: HeadingSolution) -> float:

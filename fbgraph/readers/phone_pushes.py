@@ -12,6 +12,7 @@ import json
 import math
 import queue
 import socket
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from http.server import BaseHTTPRequestHandler
@@ -180,7 +181,9 @@ class _Server(TCPServer):
         return False
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A client that breaks off is no error of ours."""
+        """A client that breaks off is no error of ours; anything else is told."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):

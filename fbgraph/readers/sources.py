@@ -46,7 +46,7 @@ class Source:
 
     pieces: Iterator[bytes] = field(default_factory=lambda: iter(()))
     where: str = ""
-    back: Callable[[bytes], None] | None = None
+    back: Callable[[bytes], object] | None = None
 
     def __iter__(self) -> Iterator[bytes]:
         return self
@@ -158,12 +158,6 @@ def _serial(port: str, baud: int, source: Source, stop: Stop, tell: Tell) -> Ite
     except (serial.SerialException, ValueError) as error:
         raise DataError(f"serial port {port}: cannot be opened: {error}") from error
 
-    def send(device: serial.Serial, data: bytes) -> None:
-        try:
-            device.write(data)
-        except serial.SerialException as error:  # among them one that takes nothing
-            raise OSError(str(error)) from error
-
     def lines() -> Iterator[bytes]:
         device: serial.Serial | None = first
         torn = False
@@ -172,14 +166,14 @@ def _serial(port: str, baud: int, source: Source, stop: Stop, tell: Tell) -> Ite
                 time.sleep(_REOPEN_S)
                 try:
                     device = opened()
-                except (serial.SerialException, OSError):
+                except OSError:
                     yield b""
                     continue
                 tell(f"serial port {port} is back")
-            source.back = partial(send, device)
+            source.back = device.write
             try:
                 data = device.read(max(device.in_waiting, 1))
-            except (serial.SerialException, OSError, TypeError):  # the cable was pulled
+            except (OSError, TypeError):  # the cable was pulled
                 with contextlib.suppress(OSError):
                     device.close()
                 device, source.back = None, None

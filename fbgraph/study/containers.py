@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import zipfile
-import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -97,7 +96,7 @@ def _zipped_text(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, allowed: Allo
     try:
         with archive.open(entry) as stream:
             return _text(_grown(unpacked(stream, name, allowed), entry, allowed))
-    except (zipfile.BadZipFile, EOFError, zlib.error, OSError, RuntimeError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, OSError, NotImplementedError) as error:
         raise DataError(f"{name}: damaged, or packed in a way that is not known ({error})") from error
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import stat
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
@@ -234,7 +233,7 @@ def _member_blocks(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: Path, 
     try:
         with archive.open(info) as stream:
             yield from unpacked(stream, f"{path}/{info.filename}", allowed, info.file_size)
-    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+    except (zipfile.BadZipFile, OSError) as error:  # bz2 tells damage as an OSError
         raise DataError(f"{path}: {info.filename!r} is truncated or damaged ({error}); copy the zip again") from error
     except NotImplementedError as error:
         raise DataError(f"{path}: {info.filename!r} is packed in a way that cannot be read ({error})") from error

@@ -20,7 +20,7 @@ _FITS = 4.0  # an alignment worth weighing
 _REACH = 0.8  # share of it that the way out must have been retraced by: steps differ, and some are made on the spot
 _BEYOND_DOUBT = 1.75  # log odds: six to one
 _BEYOND_DOUBT_TO_TIE = 2.5  # twelve to one: what is tied together changes the walk, and nobody is there to object
-_GRID_M = 0.5
+_LATE_REACH = 0.5  # share of the way by which the way before must have been retraced
 _SLACK_M = 3.0  # steps lost, or made on the spot, while turning
 _FLOOR_M = 1.2  # a landing of a staircase turns back too, but the flights are not at one height
 _REVERSED_RAD = math.radians(50.0)
@@ -130,22 +130,21 @@ def reversal(xyz_m: FloatArray, yaw_rad: FloatArray, walked_m: FloatArray, apart
     for k in range(int(np.searchsorted(walked_m, walked_m[last] - _LATE_M)), last):
         back_m = float(walked_m[last] - walked_m[k])
         if back_m >= _LATE_LEAST_M:
-            best = min(best, (_apart_m(table, k, back_m, 0.5), k))
+            best = min(best, (_apart_m(table, k, back_m), k))
     return best[1]
 
 
-def _apart_m(table: FloatArray, turned: int, back_m: float, reach: float) -> float:
+def _apart_m(table: FloatArray, turned: int, back_m: float) -> float:
     """Mean distance of the way after a breadcrumb from the way before it; infinite if it does not lead back.
 
     Args:
         table: (N, 5) x, y, z, yaw, distance walked.
         turned: the breadcrumb.
         back_m: how far after it to look.
-        reach: share of it by which the way before must have been retraced.
     """
     walked = table[:, 4]
-    after = walked[turned] + np.arange(min(_GRID_M, back_m), back_m + 1e-9, _GRID_M)
-    before = walked[turned] - np.arange(0.0, min(back_m + _SLACK_M, walked[turned] - walked[0]) + 1e-9, _GRID_M)
+    after = walked[turned] + np.arange(min(GRID_M, back_m), back_m + 1e-9, GRID_M)
+    before = walked[turned] - np.arange(0.0, min(back_m + _SLACK_M, walked[turned] - walked[0]) + 1e-9, GRID_M)
     back, there = (np.array([np.interp(at, walked, c) for c in table[:, :4].T]) for at in (after, before))
     off = np.abs(wrap_angle(back[3][:, None] - there[3] - np.pi))
     apart = np.hypot(back[0][:, None] - there[0], back[1][:, None] - there[1])
@@ -153,9 +152,9 @@ def _apart_m(table: FloatArray, turned: int, back_m: float, reach: float) -> flo
     nearest = np.hypot(apart, _YAW_M * off).argmin(axis=1)
     each = np.arange(len(nearest))
     apart_m, off, climbed = apart[each, nearest], off[each, nearest], np.abs(back[2] - there[2][nearest])
-    late = slice(-round(_LATELY_M / _GRID_M), None)
+    late = slice(-round(_LATELY_M / GRID_M), None)
     leads_back = (
-        walked[turned] - before[nearest[-1]] >= reach * back_m
+        walked[turned] - before[nearest[-1]] >= _LATE_REACH * back_m
         and (off < _REVERSED_RAD).mean() >= _REVERSED_SHARE
         and off[late].mean() < _LATELY_RAD
         and climbed[late].mean() < _FLOOR_M

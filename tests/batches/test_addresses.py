@@ -116,3 +116,19 @@ def test_the_summary_of_a_run_is_put_last(memory: fsspec.AbstractFileSystem, tmp
     put_folder(tmp_path, "memory://out/run", last="summary.json")
     there = sorted(memory.find("/out/run"), key=memory.created)
     assert there == ["/out/run/a.tum", "/out/run/z.csv", "/out/run/summary.json"]
+
+
+def test_what_is_wrong_with_a_zip_by_its_address_is_a_line(tmp_path: Path) -> None:
+    none = tmp_path / "none.zip"
+    none.write_bytes(b"no zip at all")
+    for place in (f"zip://a.csv::{none}",):
+        with pytest.raises(DataError, match="truncated or damaged"):
+            fetched(place, tmp_path)
+    path = tmp_path / "torn.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.csv", "t,ax\n" * 5000)
+    data = bytearray(path.read_bytes())
+    data[45:60] = bytes(15)
+    path.write_bytes(bytes(data))
+    with pytest.raises(DataError, match="damaged"):
+        fetched(f"zip://a.csv::{path}", tmp_path)

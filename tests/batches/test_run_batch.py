@@ -248,3 +248,14 @@ def test_the_command_tells_what_became_of_them(walks: Path, tmp_path: Path) -> N
     said = json.loads(again.stdout)
     assert (said["logs"], said["done"], said["failed"], said["kept"]) == (3, 1, 2, 1)
     assert [one["name"] for one in said["failures"]] == ["empty", "prose"]
+
+
+def test_from_python_too_what_cannot_be_meant_is_told_before_anything_is_written(walks: Path, tmp_path: Path) -> None:
+    for options, words in (
+        (BatchOptions(building_axis="rubbish"), "rubbish"),
+        (BatchOptions(building=str(tmp_path / "nowhere.toml")), "nowhere"),
+        (BatchOptions(use_gnss="none at all"), "gnss"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            run_batch([str(walks)], str(tmp_path / "out"), options)
+    assert not (tmp_path / "out").exists()

@@ -157,3 +157,23 @@ def test_names_are_those_that_folders_can_have() -> None:
 def test_two_logs_of_one_given_name_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"two logs are to be called 'a': /x/1\.csv and /x/2\.csv"):
         named_entries([LogEntry("/x/1.csv", "a"), LogEntry("/x/2.csv", "A")])
+
+
+@pytest.mark.parametrize("packing", [zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_a_damaged_entry_of_a_zip_of_walks_stops_no_other(tmp_path: Path, packing: int) -> None:
+    path = tmp_path / "walks.zip"
+    with zipfile.ZipFile(path, "w", packing) as archive:
+        for name in ("a.csv", "b.csv", "c.csv"):
+            archive.writestr(name, ALONE * 200)
+    with zipfile.ZipFile(path) as archive:
+        info = archive.getinfo("a.csv")
+    damaged = bytearray(path.read_bytes())
+    begin = info.header_offset + 30 + len(info.filename)
+    for at in range(begin + 8, begin + info.compress_size):
+        damaged[at] ^= 0xFF
+    path.write_bytes(bytes(damaged))
+    assert [Path(one.log.partition("::")[0]).name for one in find_logs([str(path)], lambda text: None)] == [
+        "a.csv",
+        "b.csv",
+        "c.csv",
+    ]

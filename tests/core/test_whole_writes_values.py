@@ -5,7 +5,15 @@ from pathlib import Path
 import pytest
 
 from fbgraph.core.errors import ConfigError
-from fbgraph.core.whole_writes import is_leftover, locked, real_place, whole_file, whole_files, whole_folder
+from fbgraph.core.whole_writes import (
+    clear_leftovers_in,
+    is_leftover,
+    locked,
+    real_place,
+    whole_file,
+    whole_files,
+    whole_folder,
+)
 
 
 class BreakOffError(Exception):
@@ -173,3 +181,18 @@ def test_leftovers_are_known_by_their_names() -> None:
     assert [is_leftover(name) for name in (".run.fbgraph-lock", ".run.fbgraph-x1", "run.fbgraph-x1", ".run")] == [
         *(True, True, False, False)
     ]
+
+
+def test_leftovers_in_a_folder_go_but_for_what_is_held_and_what_was_set_aside_comes_back(tmp_path: Path) -> None:
+    for name in (".gone.fbgraph-old", ".torn.fbgraph-x1", ".busy.fbgraph-x2"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "summary.json").write_text(name)
+    (tmp_path / "torn").mkdir()
+    with locked(tmp_path / "busy"):
+        (tmp_path / ".busy.fbgraph-x3").mkdir()
+        clear_leftovers_in(tmp_path)
+        assert (tmp_path / ".busy.fbgraph-x3").is_dir()
+        assert (tmp_path / ".busy.fbgraph-lock").is_file()
+    assert (tmp_path / "gone" / "summary.json").read_text() == ".gone.fbgraph-old"
+    assert not (tmp_path / ".torn.fbgraph-x1").exists()
+    assert not (tmp_path / ".torn.fbgraph-lock").exists()
