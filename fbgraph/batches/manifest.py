@@ -29,14 +29,20 @@ def is_manifest(path: Path) -> bool:
 
 
 def _is_head(line: str) -> bool:
-    names = [name.strip().lower() for name in next(csv.reader([line]), [])]
+    names = [name.strip().lower() for name in next(csv.reader([line], delimiter=_separator(line)), [])]
     return "log" in names and set(names) <= set(MANIFEST_FIELDS) and len(set(names)) == len(names)
+
+
+def _separator(head: str) -> str:
+    """What a spreadsheet put between fields, by the first line: names of columns have none of them."""
+    return next((mark for mark in ";\t" if mark in head), ",")
 
 
 def read_manifest(path: Path) -> list[LogEntry]:
     """The logs of a manifest; paths in it are beside it, unless they are whole ones or addresses.
 
     Raises:
+        ConfigError: a name that no folder can have; with its line.
         DataError: it cannot be read, or a row names no log; with its line.
     """
     data = small_file(path, _MOST_BYTES, "manifest")
@@ -44,7 +50,8 @@ def read_manifest(path: Path) -> list[LogEntry]:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: not UTF-8 ({error}); save it so") from error
-    rows = csv.DictReader(io.StringIO(text, newline=""), restkey="", strict=True)
+    separator = _separator(text.partition("\n")[0])
+    rows = csv.DictReader(io.StringIO(text, newline=""), restkey="", strict=True, delimiter=separator)
     rows.fieldnames = [name.strip().lower() for name in rows.fieldnames or ()]
     entries = []
     try:

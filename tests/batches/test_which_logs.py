@@ -102,6 +102,14 @@ def test_a_manifest_names_what_belongs_to_each_log(tmp_path: Path) -> None:
     assert read_manifest(again) == entries
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_manifest_as_spreadsheets_write_it(tmp_path: Path, mark: str) -> None:
+    write(tmp_path, "a,b.csv")
+    manifest = tmp_path / "walks.csv"
+    manifest.write_text(f"\ufefflog{mark}name\r\na,b.csv{mark}first\r\n")
+    assert find_logs([str(manifest)]) == [LogEntry(f"{tmp_path}/a,b.csv", "first")]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
